@@ -25,7 +25,8 @@ WorldOption = Annotated[
     Path | None, option("--world", "FOLDER", "World with its solid objects, see 'aoro-gym world', as ground.")
 ]
 GroundOption = Annotated[
-    str, option("--ground", "raster|mesh", "How the twin feels a terrain; mesh: its very triangles.")
+    str,
+    option("--ground", "raster|mesh|discs", "How tires feel a terrain; mesh: its very triangles; discs: each disc."),
 ]
 SoilOption = Annotated[
     str | None,

@@ -16,7 +16,7 @@ from aoro_gym.terrains.raster import CELL, surface, triangles
 from aoro_gym.terrains.soil import Soil
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.kernels.overwrite import multiply
-from aoro_gym.twin.physics.ground import Ground, Meshes, Planes, Rasters, Site
+from aoro_gym.twin.physics.ground import Discs, Ground, Meshes, Planes, Rasters, Site
 from aoro_gym.twin.records import OBJECT_OUTPUT_UNITS, SOIL_OUTPUT_UNITS
 from aoro_gym.units import GRAVITY
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from aoro_gym.twin.objects import WorldObjects
     from aoro_gym.twin.soil_ruts import SoilRuts
 
-KINDS = {"raster": Rasters, "mesh": Meshes}
+KINDS = {"raster": Rasters, "mesh": Meshes, "discs": Discs}
 """How twins feel a terrain, by name."""
 
 
@@ -36,7 +36,7 @@ class Grounds:
     Args:
         terrain: One plane (its arrays hold one value a twin), one terrain or world, or several of these.
         num_twins: Twins that stand on it; on the first terrain, to begin with.
-        kind: ``"raster"`` or ``"mesh"``; planes need neither.
+        kind: ``"raster"``, ``"mesh"`` or ``"discs"``; planes need none.
         cell: Distance of the rasters' nodes [m].
         soil: What the ground is made of; None: it is hard.
         gravity: [m/s²].
@@ -72,6 +72,9 @@ class Grounds:
         terrains, objects = _with_objects(list(terrain) if isinstance(terrain, Iterable) else [terrain])
         self.count = len(terrains)
         self.device_struct, self._meshes = _terrains(terrains, num_twins, KINDS[kind], cell, gravity, device)
+        if kind == "discs" and (any(objects) or soil is not None):
+            what = "soil" if soil is not None else "solid objects"
+            raise ValueError(f"ground is 'discs', but there is {what}, which discs do not know yet; take 'mesh'")
         if any(objects):
             if soil is not None:
                 raise ValueError(
@@ -203,7 +206,7 @@ def _terrains(
     sites: Any = np.zeros(len(terrains), dtype=layout)
     rasters, meshes, first = [], [], 0
     for site, terrain in zip(sites, terrains, strict=True):
-        mesh = triangles(terrain, device) if kind is Meshes else None  # rasters are asked alone
+        mesh = triangles(terrain, device) if kind is not Rasters else None  # rasters are asked alone
         raster = surface(terrain, str(device), cell=cell, mesh=mesh)
         rows, columns = raster.ceilings.shape
         site["x"], site["y"] = raster.corner

@@ -27,7 +27,7 @@ from aoro_gym.twin.kernels import overwrite
 from aoro_gym.twin.kernels.build import build
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws
 from aoro_gym.twin.kernels.roles import BLOCK_DIM as ROLES_BLOCK_DIM
-from aoro_gym.twin.physics.ground import Meshes
+from aoro_gym.twin.physics.ground import Planes, Rasters
 from aoro_gym.twin.recorded import BLOCK_DIM, RecordedAdvance, cores
 from aoro_gym.twin.records import (
     CHANNELS,
@@ -118,7 +118,9 @@ class Twin:
         terrain: Ground; level asphalt by default. A plane whose values are arrays gives every twin its own; of several
             terrains, :meth:`reset` chooses. The stems, stumps, boulders and logs of a
             :class:`~aoro_gym.terrains.world.world.World` push back.
-        ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs).
+        ground: How twins feel a terrain: ``"raster"`` (fastest) or ``"mesh"`` (its very triangles, below overhangs), both as
+            a plane that is averaged over the patch under a wheel; or ``"discs"``: each disc of a tire asks the triangles
+            itself, for kerbs, ruts and ditches (:mod:`aoro_gym.twin.physics.tire_discs`). Planes are the same by either.
         cell: Distance of the raster's nodes [m].
         soil: What the ground is made of, where it is soft: a preset's name (:meth:`~aoro_gym.terrains.soil.Soil.named`) or a
             :class:`~aoro_gym.terrains.soil.Soil`; hard by default. Everywhere alike, on roads, too, and without solid
@@ -233,7 +235,7 @@ class Twin:
         }
         obstacle = next((what for what, is_so in obstacles.items() if is_so), None)
         kind = type(self.ground)._cls
-        as_measured = not self._chooses_laws and kind is not Meshes
+        as_measured = not self._chooses_laws and kind in (Planes, Rasters)
         self.by_roles = choose_roles(
             roles, self.num_twins, on_cuda=self.device.is_cuda, obstacle=obstacle, as_measured=as_measured
         )

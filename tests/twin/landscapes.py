@@ -10,6 +10,9 @@ from scipy.ndimage import gaussian_filter
 
 from aoro_gym.terrains.terrain import Terrain
 
+AVERAGED = ("raster", "mesh")
+"""Kinds of ground that tires feel as an averaged plane."""
+
 MIDDLE = 20.0
 """x and y [m] of the middle of :func:`landscape`."""
 

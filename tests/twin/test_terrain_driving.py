@@ -6,11 +6,10 @@ from scipy.optimize import root_scalar
 
 from aoro_gym.terrains.plane import Plane
 from aoro_gym.terrains.terrain import Terrain
-from aoro_gym.twin.grounds import KINDS
 from aoro_gym.twin.records import State
 from aoro_gym.twin.twin import STATUS, Twin
 from tests.oracles.bodies import BodyModel
-from tests.twin.landscapes import MIDDLE, inclined, landscape, rough
+from tests.twin.landscapes import AVERAGED, MIDDLE, inclined, landscape, rough
 from tests.twin.rig import drive, states
 from tests.twin.test_terrain_stance import AT, PARKED, centred, contacts, poses, weight
 
@@ -27,7 +26,7 @@ def heaving(twin, **pose) -> np.ndarray:
     return np.array(record)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_wheels_feel_no_edges_on_a_triangulated_plane(machine, kind):
     """Up a plane of 4° in triangles of 1 m: the heave is that on the analytic plane. Heights out of float32 rays, or
     interpolated, are good to 8 roundings of 40 m, 20 µm; on four tires of 450 kN/m that shakes 10 t by 4 mm/s². A single
@@ -43,7 +42,7 @@ def test_wheels_feel_no_edges_on_a_triangulated_plane(machine, kind):
 
 
 # --------------------------------------------------------------------------------------------------------------- turning
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_steady_turning_radius(machine, kind):
     """At walking pace, all wheels roll about one centre, where the axles' lines meet: the front axle at
     (l_r + l_f cos θ)/sin θ from it. 2 %, as slip angles of rolling resistance and centripetal force (below 1 % of the
@@ -65,7 +64,7 @@ def test_steady_turning_radius(machine, kind):
 
 
 # ------------------------------------------------------------------------------------------------------- steps and walls
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_a_step_is_climbed_and_a_wall_stops(machine, kind):
     """At full speed against a step of 10 cm and a wall of 3 m: over the one; at the other the hull's four front corners
     take the impact, no harder than all their springs take all the kinetic energy, v √(k m), and the machine stays before
@@ -200,7 +199,7 @@ def test_random_driving_loses_nothing_without_a_name(machine):
 
 def test_a_broken_twin_is_named_and_its_neighbours_drive_on(machine):
     """A state that is not a number: that twin is frozen with its reason, the query of the ground survives it."""
-    for kind in KINDS:
+    for kind in AVERAGED:
         twin = Twin(3, machine=machine, terrain=rough(1, bumps=0.05, hills=0.1), ground=kind)
         twin.reset(position=AT)
         state = twin.state.numpy().copy()
@@ -216,7 +215,7 @@ def test_a_terrain_of_one_triangle_is_ground(machine):
     triangle = Terrain(
         vertices=np.array([[0.0, 0.0, 1.0], [9.0, 0.0, 1.0], [0.0, 9.0, 1.0]]), faces=np.array([[0, 1, 2]])
     )
-    for kind in KINDS:
+    for kind in AVERAGED:
         twin = Twin(1, machine=machine, terrain=triangle, ground=kind)
         twin.reset(position=(3.0, 3.0))
         twin.step(PARKED, 0.1)

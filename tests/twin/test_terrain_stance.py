@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 
 from aoro_gym.terrains.plane import Plane
-from aoro_gym.twin.grounds import KINDS
 from aoro_gym.twin.records import WHEELS, State
 from aoro_gym.twin.twin import Twin
 from tests.oracles.bodies import BodyModel
-from tests.twin.landscapes import MIDDLE, inclined, landscape, raised, rough
+from tests.twin.landscapes import AVERAGED, MIDDLE, inclined, landscape, raised, rough
 from tests.twin.rig import drive, states
 
 GRAVITY = 9.81
@@ -52,7 +51,7 @@ def centred(machine):
 
 
 # ------------------------------------------------------------------------------------------------------------ rest pose
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_level_triangles_are_stood_on_like_a_plane(machine, kind):
     """Pose, arms and oil of the rest pose, wherever on the terrain, also of a machine that sinks into softer tires than
     its frames were made for; float32 keeps 1e-5 of each."""
@@ -70,7 +69,7 @@ def test_level_triangles_are_stood_on_like_a_plane(machine, kind):
     np.testing.assert_array_equal(found[rest], expected[rest])
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_a_machine_starts_at_rest_on_rough_ground(machine, kind):
     """32 random poses on bumps and hills, parked. What the stance leaves out of balance (arms far from their angles at rest,
     ground that is no plane under a wheel) is released at once, and a spring overshoots by no more than what it was
@@ -100,7 +99,7 @@ def test_a_machine_starts_at_rest_on_rough_ground(machine, kind):
 
 
 # ----------------------------------------------------------------------------------------------------------- wheel loads
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 @pytest.mark.parametrize("slope", [0.0, 12.0])
 def test_wheel_loads_are_the_lever_rules(machine, slope, kind):
     """Uphill, downhill and across, parked for 20 s: loads sum to the weight along the ground's normal, and each axle and
@@ -174,7 +173,7 @@ def test_a_wheel_over_a_deep_pit_hangs(machine):
     np.testing.assert_allclose(load[-1, 1:], expected, atol=1e-3 * weight(machine))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_a_mound_lifts_the_belly(machine, kind):
     """A table between the wheels, 10 cm higher than the belly, under the rear hull: it carries what the wheels give up,
     1e-3 of the weight. The start is no bang: nothing is pressed in, so no force exceeds that of a drop by those 10 cm,

@@ -10,7 +10,8 @@ from aoro_gym.twin.physics.arms import ArmGeometry, ArmState, arm_seal_capacity,
 from aoro_gym.twin.physics.bodies import Accelerations, CornerLoad, FrameBody, arm_tangent, hull_corner, wheel_centre
 from aoro_gym.twin.physics.friction import dry_friction, presliding
 from aoro_gym.twin.physics.ground import ceiling, footing
-from aoro_gym.twin.physics.tires import Hull, TireContact, hull_contact, tire_contact
+from aoro_gym.twin.physics.tire_discs import wheel_contact
+from aoro_gym.twin.physics.tires import Hull, TireContact, hull_contact
 from aoro_gym.twin.records import MachineRecord
 
 
@@ -116,9 +117,9 @@ def corner_step(
         + x.arm_rate * arm_tangent(half.direction, x.angle, m.corner.arm_length)
     )
     under = footing(terrain, ground, half.origin + half.rotation * centre)
-    contact = tire_contact(
-        m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, x.spin, x.bristle_x, x.bristle_y,
-        x.twist, h,
+    contact = wheel_contact(
+        terrain, ground, m.tire, under, half.rotation, half.origin, centre, hub_velocity, half.omega, x.spin,
+        x.bristle_x, x.bristle_y, x.twist, h,
     )
     out.bristle_x = contact.bristle_x
     out.bristle_y = contact.bristle_y

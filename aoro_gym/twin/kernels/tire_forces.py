@@ -11,7 +11,7 @@ from aoro_gym.twin.kernels.motion import rear_rate
 from aoro_gym.twin.kernels.state import load_state
 from aoro_gym.twin.physics.bodies import arm_tangent, hinge_rotation, wheel_centre
 from aoro_gym.twin.physics.ground import footing, penetration
-from aoro_gym.twin.physics.tires import tire_contact
+from aoro_gym.twin.physics.tire_discs import wheel_contact
 from aoro_gym.twin.records import MachineRecord
 
 
@@ -49,8 +49,8 @@ def tire_forces(
     hub = linear + wp.cross(omega, centre) + velocity.arms[i] * tangent
     middle = pose.position + rotation * centre
     under = footing(terrain, ground, middle)
-    contact = tire_contact(
-        m.tire, under, rotation, pose.position, centre, hub, omega, velocity.spins[i], bent.bristle_x[i],
+    contact = wheel_contact(
+        terrain, ground, m.tire, under, rotation, pose.position, centre, hub, omega, velocity.spins[i], bent.bristle_x[i],
         bent.bristle_y[i], bent.twist[i], h,
     )
     forces[t, i] = rotation * contact.force

@@ -16,6 +16,8 @@ The type of ``terrain`` chooses the implementation when the kernel is built, so 
 
 - :class:`Planes`: one inclined plane a twin;
 - :class:`Meshes`: the four heights by rays down through the triangles, exact, below overhangs;
+- :class:`Discs`: the same footing for hulls, while tires ask the triangles disc by disc
+  (:mod:`aoro_gym.twin.physics.tire_discs`);
 - :class:`Rasters`: the same height and slopes, computed once at the nodes of a grid, interpolated bilinearly.
 
 Beyond the edges, and over holes, the ground goes on at the height of the nearest known ground, and ``Footing.known``
@@ -80,6 +82,17 @@ class Rasters:
 @wp.struct
 class Meshes:
     """Many terrains as triangles; their rasters give the multipliers, and the heights where there is no triangle."""
+
+    twins: wp.array(dtype=Site)
+    terrains: wp.array(dtype=Site)
+    nodes: wp.array(dtype=wp.vec4)
+    cover: wp.array(dtype=wp.vec2)
+    ceilings: wp.array(dtype=float)
+
+
+@wp.struct
+class Discs:
+    """Many terrains as triangles, which every disc of a tire asks by itself."""
 
     twins: wp.array(dtype=Site)
     terrains: wp.array(dtype=Site)
@@ -202,10 +215,11 @@ def footing(terrain: Rasters, ground: Site, point: wp.vec3):
 
 
 @wp.func
-def footing(terrain: Meshes, ground: Site, point: wp.vec3):
-    """The ground under a world ``point`` [m]: the highest surface less than ``REACH`` above it."""
+def mesh_footing(nodes: wp.array(dtype=wp.vec4), covers: wp.array(dtype=wp.vec2), ground: Site, point: wp.vec3):
+    """The effective road plane of triangles under a world ``point`` [m]: of the highest surfaces less than ``REACH`` above
+    it."""
     cell = raster_cell(ground, point[0], point[1])
-    substitute = interpolate(cell, ground.columns, terrain.nodes)[0]  # where there is no triangle
+    substitute = interpolate(cell, ground.columns, nodes)[0]  # where there is no triangle
     heights = wp.vec4()
     known = float(0.0)
     for i in range(4):
@@ -220,7 +234,19 @@ def footing(terrain: Meshes, ground: Site, point: wp.vec3):
         (heights[2] - heights[3]) / (2.0 * PATCH),
         known,
     )
-    return road_plane(ground, point[0], point[1], plane, interpolate(cell, ground.columns, terrain.cover))
+    return road_plane(ground, point[0], point[1], plane, interpolate(cell, ground.columns, covers))
+
+
+@wp.func
+def footing(terrain: Meshes, ground: Site, point: wp.vec3):
+    """The ground under a world ``point`` [m]."""
+    return mesh_footing(terrain.nodes, terrain.cover, ground, point)
+
+
+@wp.func
+def footing(terrain: Discs, ground: Site, point: wp.vec3):
+    """The ground under a world ``point`` [m]."""
+    return mesh_footing(terrain.nodes, terrain.cover, ground, point)
 
 
 @wp.func

@@ -373,6 +373,76 @@ def disc_contact(m: Tire, n: wp.vec3, middle: float):
 
 
 @wp.func
+def touch_forces(
+    # parameters
+    m: Tire,
+    ground: Footing,
+    # the contact: ground's unit normal in frame axes, depth of the middle disc, depth and place of the contact, and by how
+    # much the depth grows with the way against the normal
+    n: wp.vec3,
+    middle: float,
+    touch: DiscContact,
+    steepness: float,
+    # motion in the frame: wheel centre, frame's angular velocity, absolute spin
+    velocity: wp.vec3,
+    omega: wp.vec3,
+    spin: float,
+    # bristles
+    bristle_x: float,
+    bristle_y: float,
+    twist: float,
+    dt: float,
+):
+    """What a wheel whose discs dip into the ground feels: F_n = g max(0, k δ + c δ̇), δ̇ = −g n·v with g the ``steepness``,
+    which is 1 on a plane; friction by the law of slip, torque by that of swivelling."""
+    out = TireContact()
+    tilt = wp.sqrt(n[0] * n[0] + n[2] * n[2])
+    down = wp.vec3(-n[0] / tilt, 0.0, -n[2] / tilt)
+    arm = touch.place
+    slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), arm)
+    load = wp.max(steepness * (m.stiffness * touch.depth - m.damping * steepness * wp.dot(n, slip)), 0.0)
+    forward = wp.vec3(n[2] / tilt, 0.0, -n[0] / tilt)
+    sideways = wp.cross(n, forward)
+    out.lever = wp.dot(arm, down)
+    v = Slide(wp.dot(forward, slip), wp.dot(sideways, slip), 0.0, 0.0, load, ground.friction)
+    grip = Friction()
+    if m.slip_law == LUGRE:
+        grip = lugre_slip(m, v, bristle_x, bristle_y, dt)
+    else:
+        v.roll = spin * out.lever
+        grip = relaxed_slip(m, v, bristle_x, bristle_y, dt)
+    if m.soft_ground_law == BULLDOZING:
+        grip.y += bulldozing(m, ground, load, v.y)
+    out.bristle_x = grip.bristle_x
+    out.bristle_y = grip.bristle_y
+    out.force = load * n - grip.x * forward - grip.y * sideways
+    out.forward = forward
+    out.damping = grip.damping
+    rolling = (
+        m.rolling_resistance * ground.rolling_resistance * load * out.lever * wp.tanh(spin / ROLLING_REGULARISATION)
+    )
+    out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
+    if m.swivel_law == CONTACT_POINT:
+        if m.scrub_radius > 0.0:
+            roll = wp.dot(forward, velocity)
+            out.twist = scrub_step(m, twist, wp.dot(n, omega), roll, touch.depth, dt)
+            out.moment += scrub_torque(m, 0.5 * (twist + out.twist), load, ground.friction) * n
+    else:
+        v.swivel = wp.dot(n, omega)
+        v.roll = spin * out.lever
+        if m.swivel_law == FIVE_DISCS:
+            out.twist = discs_step(m, v, twist, touch.depth, dt)
+            bristle = 0.5 * wp.vec2(bristle_x + out.bristle_x, bristle_y + out.bristle_y)
+            torque = five_discs_torque(m, n, middle, v, bristle, 0.5 * (twist + out.twist))
+            out.moment += torque * (1.0 + m.scrub_radius / mean_disc_offset(m)) * n
+        else:
+            out.twist = bore_step(m, v, twist, touch.depth, dt)
+            out.moment += bore_torque(m, v, 0.5 * (twist + out.twist)) * n
+    out.load = load
+    return out
+
+
+@wp.func
 def tire_contact(
     # parameters
     m: Tire,
@@ -405,47 +475,9 @@ def tire_contact(
     touch = disc_contact(m, n, middle)
 
     if touch.depth > 0.0:
-        arm = touch.place
-        slip = velocity + wp.cross(wp.vec3(omega[0], spin, omega[2]), arm)
-        load = wp.max(m.stiffness * touch.depth - m.damping * wp.dot(n, slip), 0.0)
-        forward = wp.vec3(n[2] / tilt, 0.0, -n[0] / tilt)
-        sideways = wp.cross(n, forward)
-        out.lever = wp.dot(arm, down)
-        v = Slide(wp.dot(forward, slip), wp.dot(sideways, slip), 0.0, 0.0, load, ground.friction)
-        grip = Friction()
-        if m.slip_law == LUGRE:
-            grip = lugre_slip(m, v, bristle_x, bristle_y, dt)
-        else:
-            v.roll = spin * out.lever
-            grip = relaxed_slip(m, v, bristle_x, bristle_y, dt)
-        if m.soft_ground_law == BULLDOZING:
-            grip.y += bulldozing(m, ground, load, v.y)
-        out.bristle_x = grip.bristle_x
-        out.bristle_y = grip.bristle_y
-        out.force = load * n - grip.x * forward - grip.y * sideways
-        out.forward = forward
-        out.damping = grip.damping
-        rolling = (
-            m.rolling_resistance * ground.rolling_resistance * load * out.lever * wp.tanh(spin / ROLLING_REGULARISATION)
+        out = touch_forces(
+            m, ground, n, middle, touch, 1.0, velocity, omega, spin, bristle_x, bristle_y, twist, dt
         )
-        out.moment = wp.cross(arm, out.force) - wp.vec3(0.0, rolling, 0.0)
-        if m.swivel_law == CONTACT_POINT:
-            if m.scrub_radius > 0.0:
-                roll = wp.dot(forward, velocity)
-                out.twist = scrub_step(m, twist, wp.dot(n, omega), roll, touch.depth, dt)
-                out.moment += scrub_torque(m, 0.5 * (twist + out.twist), load, ground.friction) * n
-        else:
-            v.swivel = wp.dot(n, omega)
-            v.roll = spin * out.lever
-            if m.swivel_law == FIVE_DISCS:
-                out.twist = discs_step(m, v, twist, touch.depth, dt)
-                bristle = 0.5 * wp.vec2(bristle_x + out.bristle_x, bristle_y + out.bristle_y)
-                torque = five_discs_torque(m, n, middle, v, bristle, 0.5 * (twist + out.twist))
-                out.moment += torque * (1.0 + m.scrub_radius / mean_disc_offset(m)) * n
-            else:
-                out.twist = bore_step(m, v, twist, touch.depth, dt)
-                out.moment += bore_torque(m, v, 0.5 * (twist + out.twist)) * n
-        out.load = load
     return out
 
 

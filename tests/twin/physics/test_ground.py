@@ -16,6 +16,7 @@ from aoro_gym.terrains.survey import HEADROOM, PATCH, REACH
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.grounds import KINDS, Grounds
 from aoro_gym.twin.physics.ground import Footing, Planes, ceiling, footing, ground_height, penetration
+from tests.twin.landscapes import AVERAGED
 from tests.twin.physics.launch import ROUNDOFF, columns, launch, record, rounded
 
 HUB = 0.6
@@ -92,7 +93,7 @@ KERNELS = {
     kind: wp.overload(
         wp.kernel(footing_kernel, enable_backward=False, module=f"tests.footing.{kind.key}"), {"terrain": kind}
     )
-    for kind in (Planes, *KINDS.values())
+    for kind in (Planes, *(KINDS[name] for name in AVERAGED))
 }
 
 
@@ -147,7 +148,7 @@ def test_a_plane_goes_through_the_origin_everywhere():
     np.testing.assert_allclose(answer.rolling_resistance, 3.0, rtol=ROUNDOFF)
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_a_triangulated_plane_is_a_plane(kind):
     """However it is cut into triangles: corners at random. Heights come from rays of float32 among coordinates of 12 m
     and heights of 5 m: sixteen roundings of that; slopes from two of them over the chord."""
@@ -241,7 +242,7 @@ def test_raster_and_triangles_agree_on_smooth_ground():
     assert np.abs(slope_of(exact) - slope).max() < 4.0 * facet**2 * k**2 * a / 8.0 / PATCH
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_slope_changes_gradually_over_an_edge(kind):
     """A ridge of ± 0.3: over d of way the slope changes by no more than d/(2 PATCH) times the kink, plus roundings; the
     raster, which interpolates between nodes of that same function, no faster."""
@@ -260,7 +261,7 @@ def test_slope_changes_gradually_over_an_edge(kind):
 
 
 # -------------------------------------------------------------------------------------------------------------- multipliers
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_multipliers_blend_between_zones(kind):
     """Ice west of x = 6 m, mud east of it: constant inside, and in between linear over the triangles' cell, the patch and
     the raster's cell; the twin's own multipliers come on top."""
@@ -287,7 +288,7 @@ def test_multipliers_blend_between_zones(kind):
 
 
 # -------------------------------------------------------------------------------------------------- edges, holes, overhangs
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_beyond_the_edge_the_ground_goes_on_level(kind):
     def slope(x, y):
         return 0.1 * x + 0.2 * y
@@ -309,7 +310,7 @@ def test_beyond_the_edge_the_ground_goes_on_level(kind):
     assert inside.known[0] == 1.0
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_a_hole_is_bridged_and_named(kind):
     """A lake that the scan left out: level with its shore, and not known."""
     x = 0.5 * np.arange(25)
@@ -331,7 +332,7 @@ def stacked(*levels: float) -> Terrain:
     return Terrain(vertices=np.concatenate(vertices), faces=np.concatenate(faces))
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_wheels_drive_below_overhangs_and_over_obstacles(kind):
     """A roof, and a roof over a plinth, are not the ground; a plinth is. From a hub, what is within reach counts."""
     low = 0.9 * (HUB + REACH)
@@ -346,7 +347,7 @@ def test_wheels_drive_below_overhangs_and_over_obstacles(kind):
         assert top[0] >= answer.height[0]
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", AVERAGED)
 def test_no_ground_is_above_its_ceiling(kind):
     """Over rough triangles larger and smaller than the raster's cells; and the ceiling is of use: it follows the ground."""
     for cell in (0.1, 0.7, 3.0):
@@ -360,7 +361,7 @@ def test_no_ground_is_above_its_ceiling(kind):
 def test_terrains_stand_side_by_side():
     """Every twin is on its own of several terrains of different size, and keeps its multipliers when it moves."""
     terrains = [grid(lambda x, y, h=h: h + 0.0 * x + 0.0 * y, cell=0.5, size=4.0 + h) for h in (1.0, 2.0, 3.0)]
-    for kind in KINDS:
+    for kind in AVERAGED:
         grounds = Grounds(terrains, num_twins=2, kind=kind)
         assert grounds.count == 3
         sites = grounds.device_struct.terrains.numpy()
