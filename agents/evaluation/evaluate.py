@@ -36,6 +36,7 @@ from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import load_policy, shipped_policies
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.path_tracking.courses import Course
+from aoro_gym.envs.path_tracking.environment import LOCALISATIONS
 from aoro_gym.execution.devices import several
 from aoro_gym.machine import Machine
 from aoro_gym.terrains.soil import Soil
@@ -106,6 +107,7 @@ def evaluate(
     soil: str | Soil | None = None,
     device: str = "cpu",
     reward_terms: Mapping[str, Any] | None = None,
+    localisation: str | None = None,
     ray: str | None = None,
     kept: Path | None = None,
     progress: Callable[[str, float], Any] = lambda policy, share: None,
@@ -127,6 +129,8 @@ def evaluate(
         device: ``"cpu"``, ``"cpu:simd"`` or ``"cuda:N"``; several with commas between them, or ``"cuda:all"``, share the
             episodes, see :func:`aoro_gym.execution.devices.several`. On a cluster each job has one of the first one's kind.
         reward_terms: Changes by name to what the return is made of; see :mod:`aoro_gym.envs.core.terms`.
+        localisation: How the pose is estimated, ``"gains"`` or ``"filter"``; of path tracking alone. See
+            :class:`aoro_gym.envs.path_tracking.environment.PathTrackingVectorEnv`.
         ray: Address of the Ray cluster to drive on, see :func:`aoro_gym.execution.cluster.connected`; here by default.
             The episodes are the same.
         kept: Folder to keep episodes in, by parts, and to read those from that were driven before; see
@@ -143,7 +147,7 @@ def evaluate(
     task = TASKS[env]
     names = several(device)
     soil = Soil.named(soil) if isinstance(soil, str) else soil
-    made_of = {} if soil is None else {"soil": soil}
+    made_of = localised(env, localisation) | ({} if soil is None else {"soil": soil})
     make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms, **made_of)
     drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes)
     cache = EpisodeCache(
@@ -157,6 +161,7 @@ def evaluate(
         None if reward_terms is None else list(reward_terms.items()),  # their sum depends on their order
         None if repeats == 1 else (seed, episodes),
         *inputs.soft(soil).values(),
+        *localised(env, localisation).values(),
     )
     drivers = [Driver(partial(make, device=name), drive, machine, drawn) for name in names]
     todo = (policies, seed + np.arange(episodes * repeats), cache, progress)
@@ -168,6 +173,18 @@ def evaluate(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,
         lambda: made.scene(machine), repeats,
     )  # fmt: skip
+
+
+def localised(env: str, localisation: str | None) -> dict[str, str]:
+    """The environment's argument that says how it estimates the pose; none for None.
+
+    Raises ValueError if the environment estimates none, or not so.
+    """
+    if localisation is None:
+        return {}
+    check_choice("env with a localisation", env, ("AORO/PathTracking-v0", "AORO/PathTracking-v1"))
+    check_choice("localisation", localisation, LOCALISATIONS)
+    return {"localisation": localisation}
 
 
 def _check(env: str, policies: Mapping[str, Factory], episodes: int, repeats: int) -> None:

@@ -24,6 +24,7 @@ TRAINERS = {"sb3": ALGORITHMS, "resident": ("ppo",)}
 PATH_HELP = "Path on it (.gpx .kml .kmz .geojson .csv). Default: generated, drivable ones."
 TRACK_HELP = "Which line of the --path's file, where it holds several: its name or number, N.N a part of it."
 PATH_CRS_HELP = "Coordinate reference system of the --path's coordinates, such as EPSG:32633."
+LOCALISATION_HELP = "How PathTracking-v0 and -v1 estimate the pose: by constant gains (default), or a Kalman filter."
 JOIN_GAPS_HELP = "Bridge gaps of the --path's recording by straight lines."
 
 
@@ -63,6 +64,7 @@ class TrainingPlan:
         "NAME",
         "Family of laws, see 'aoro-gym laws'; A,B, families or any: drawn for each sub-environment. Default: the file's.",
     )
+    localisation: str | None = option(None, "gains|filter", LOCALISATION_HELP)
     perturbation: str | None = option(
         None,
         "NAME",

@@ -35,7 +35,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.agents.evaluation.evaluate import evaluate, inputs
+from aoro_gym.agents.evaluation.evaluate import evaluate, inputs, localised
 from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import callbacks
@@ -90,6 +90,7 @@ def inputs_of(
         "checkpoint_every": plan.checkpoint_every,
         "perturbation": plan.perturbation,
         **({} if plan.laws is None else {"laws": plan.laws}),
+        **localised(plan.env, plan.localisation),
         "hyperparams": hyperparams,
         "curriculum": recipe.stages,
         "start": None if plan.start is None else inputs.policy_content(LearnedPolicy.load(Path(plan.start))),
@@ -157,6 +158,7 @@ def train(
             env_kwargs["courses"] = courses
         if plan.soil is not None:
             env_kwargs["soil"] = plan.soil
+        env_kwargs |= localised(plan.env, plan.localisation)
         learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
         stack.callback(learner.close)
         results = TrainingResults(folder, plan.env, digest(asked))
@@ -232,5 +234,6 @@ def _evaluated(
         soil=plan.soil,
         device=plan.device,
         reward_terms=reward_terms,
+        localisation=plan.localisation,
     )
     return result.to_json()["policies"]["policy"]

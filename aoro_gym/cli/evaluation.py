@@ -8,7 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
-from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
+from aoro_gym.agents.training.plan import JOIN_GAPS_HELP, LOCALISATION_HELP, PATH_CRS_HELP, PATH_HELP, TRACK_HELP
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.cli import options
 from aoro_gym.cli.courses import load_courses, training_courses
@@ -47,6 +47,7 @@ LogsOption = Annotated[
     str | None,
     option("--logs", "FORMAT", "Log each policy's first episode, too: csv, parquet, mcap or rosbag2."),
 ]
+LocalisationOption = Annotated[str | None, option("--localisation", "gains|filter", LOCALISATION_HELP)]
 FilmsOption = Annotated[bool, option("--films/--no-films", None, "Draw each policy's first episode.")]
 
 
@@ -73,6 +74,7 @@ def evaluate(
     set_: options.SetOption = None,
     scale: options.ScaleOption = None,
     laws: options.LawsOption = None,
+    localisation: LocalisationOption = None,
     perturbation: PerturbationOption = None,
     device: options.DevicesOption = "cpu",
     seed: options.SeedOption = 0,
@@ -117,18 +119,17 @@ def evaluate(
         files = CourseFiles(env, terrain, path, path_length, track, join_gaps, path_crs)
         asked: dict[str, Any] = {"episodes": episodes, "repeats": repeats, "seed": seed, "machine": chosen}
         asked |= {"courses": load_courses(files), "device": device, "soil": load_soil(soil, None, device)}
+        asked |= evaluation.localised(env, localisation)
     inputs = evaluation.asked_of(env, policies, **asked) | drawn_by
     with _keeping(out, inputs, restart, accept_code_change) as kept, terminal.progress(env) as tell:
         driven = 0.5 if films else 0.95
+        asked |= {"drawn": drawn, "ray": ray, "kept": kept, "progress": terminal.within(tell, 0.0, driven)}
         with checking_input():  # such as paths that leave the ground
-            result = evaluation.evaluate(
-                env, policies, **asked, drawn=drawn, ray=ray, kept=kept, progress=terminal.within(tell, 0.0, driven)
-            )
-        made_by = run.to_json() | files.to_json() | accepted(kept) | _given(perturbation=perturbation, soil=soil)
-        about: dict[str, Any] = {"lead": run.machine.sentence, "made_by": made_by}
-        written = write_report(
-            result, out, films=films, logs=logs, **about, progress=terminal.within(tell, driven, 1.0)
-        )
+            result = evaluation.evaluate(env, policies, **asked)
+        given = _given(perturbation=perturbation, soil=soil, localisation=localisation)
+        made_by = run.to_json() | files.to_json() | accepted(kept) | given
+        about: dict[str, Any] = {"lead": run.machine.sentence, "made_by": made_by, "films": films, "logs": logs}
+        written = write_report(result, out, **about, progress=terminal.within(tell, driven, 1.0))
     conclude(out / "evaluation.json", [table(result)], written, json_to=json_to)
 
 

@@ -7,6 +7,7 @@ from aoro_gym.sensors.gps import Antennas, FixLoss, Gps, GpsNoise, GpsReading
 from aoro_gym.sensors.imu import Imu, ImuNoise, ImuReading
 from aoro_gym.sensors.joint_angle import JointAngleNoise, JointAngleSensor, NoiseLine
 from aoro_gym.sensors.localisation import Localisation, LocalisationGains
+from aoro_gym.sensors.pose_filter import PoseFilter, PoseFilterSettings
 from aoro_gym.sensors.pressure import PressureNoise, PressureSensor
 from aoro_gym.sensors.wheel_speed import WheelSpeedNoise, WheelSpeedSensor
 
@@ -28,6 +29,8 @@ __all__ = [
     "LocalisationGains",
     "MeasuringChain",
     "NoiseLine",
+    "PoseFilter",
+    "PoseFilterSettings",
     "PressureNoise",
     "PressureSensor",
     "WheelSpeedNoise",

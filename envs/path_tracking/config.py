@@ -20,6 +20,7 @@ from aoro_gym.sensors import (
     ImuNoise,
     JointAngleNoise,
     LocalisationGains,
+    PoseFilterSettings,
     PressureNoise,
     WheelSpeedNoise,
 )
@@ -119,7 +120,9 @@ class PathTrackingConfig:
     wheel_speed_noise: WheelSpeedNoise = field(default_factory=WheelSpeedNoise.typical)
     joint_angle_noise: JointAngleNoise = field(default_factory=JointAngleNoise.published)
     pressure_noise: PressureNoise = field(default_factory=PressureNoise.typical)
-    localisation: LocalisationGains = field(default_factory=LocalisationGains)
+    localisation: LocalisationGains | PoseFilterSettings = field(default_factory=LocalisationGains)
+    """How the pose is estimated: dead reckoning pulled toward solutions by constant gains, or a Kalman filter
+    (:class:`aoro_gym.sensors.pose_filter.PoseFilter`)."""
     reward_terms: Mapping[str, RewardTerm] = field(default_factory=lambda: REWARD_TERMS)
     observation_terms: Mapping[str, ObservationTerm] = field(default_factory=lambda: OBSERVATION_TERMS)
     randomisation: PathTrackingRandomisation = FIXED
@@ -143,6 +146,8 @@ class PathTrackingConfig:
             (not (self.act_gear and self.gear == "automatic"), "act_gear is set and gear is 'automatic'; drop one of them"),
             (isinstance(self.randomisation, PathTrackingRandomisation), f"randomisation is {self.randomisation!r}, but must "
              "be a PathTrackingRandomisation"),
+            (isinstance(self.localisation, LocalisationGains | PoseFilterSettings), f"localisation is "
+             f"{self.localisation!r}, but must be LocalisationGains or PoseFilterSettings"),
         ):  # fmt: skip
             if not holds:
                 raise ValueError(message)

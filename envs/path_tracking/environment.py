@@ -6,6 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, ClassVar
 
+from aoro_gym.checks import check_choice
 from aoro_gym.envs.core.offered_terms import OFFERED
 from aoro_gym.envs.core.single import TwinEnv
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm, changed_observations, changed_rewards
@@ -17,6 +18,7 @@ from aoro_gym.envs.path_tracking.observations import GEAR_TERMS, HEIGHT_TERMS, I
 from aoro_gym.envs.path_tracking.rewards import FURTHER_REWARD_TERMS
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.execution.array_api import Array
+from aoro_gym.sensors import LocalisationGains, PoseFilterSettings
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
 
@@ -48,6 +50,8 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         gear: 1, 2, 3 or ``"automatic"``.
         arms: ``"share"`` the weight (the default), ``"level"`` the frames, too, or ``"hold"``; or an
             :class:`~aoro_gym.envs.path_tracking.assistance.ArmControl`.
+        localisation: ``"gains"`` (the default), dead reckoning pulled toward solutions by constant gains, or ``"filter"``, a
+            Kalman filter; or settings of either, see :class:`PathTrackingConfig`.
         act_arms: Add the arms to the action; likewise ``act_traction`` and ``act_gear``.
         act_traction: See :class:`PathTrackingConfig`.
         act_gear: See there.
@@ -75,6 +79,7 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         randomisation: PathTrackingRandomisation | None = None,
         gear: int | str | None = None,
         arms: ArmControl | str | None = None,
+        localisation: LocalisationGains | PoseFilterSettings | str | None = None,
         act_arms: bool | None = None,
         act_traction: bool | None = None,
         act_gear: bool | None = None,
@@ -87,6 +92,8 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         config = PathTrackingConfig() if config is None else config
         if arms is not None:
             config = replace(config, arms=_arm_control(arms))
+        if localisation is not None:
+            config = replace(config, localisation=localisation_settings(localisation))
         changes = {
             "randomisation": randomisation,
             "gear": gear,
@@ -127,3 +134,20 @@ def _arm_control(arms: ArmControl | str) -> ArmControl | None:
     if arms not in known:
         raise ValueError(f"arms is {arms!r}; choose one of: {', '.join(map(repr, known))}, or give an ArmControl")
     return known[arms]
+
+
+LOCALISATIONS: Mapping[str, Callable[[], LocalisationGains | PoseFilterSettings]] = {
+    "gains": LocalisationGains,
+    "filter": PoseFilterSettings,
+}
+"""How the pose is estimated, by name."""
+
+
+def localisation_settings(
+    localisation: LocalisationGains | PoseFilterSettings | str,
+) -> LocalisationGains | PoseFilterSettings:
+    """Settings by their name, or as they are; ValueError that names the known ones."""
+    if not isinstance(localisation, str):
+        return localisation
+    check_choice("localisation", localisation, LOCALISATIONS)
+    return LOCALISATIONS[localisation]()

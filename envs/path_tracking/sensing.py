@@ -8,7 +8,16 @@ from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig
 from aoro_gym.execution.array_api import Array, Arrays, Index, floats
-from aoro_gym.sensors import Gps, GpsReading, Imu, Localisation, PressureSensor, WheelSpeedSensor
+from aoro_gym.sensors import (
+    Gps,
+    GpsReading,
+    Imu,
+    Localisation,
+    LocalisationGains,
+    PoseFilter,
+    PressureSensor,
+    WheelSpeedSensor,
+)
 from aoro_gym.sensors.imu import specific_force
 from aoro_gym.sensors.wheel_speed import ground_speed
 from aoro_gym.twin.records import WHEELS
@@ -55,7 +64,7 @@ class VehicleSensors:
             n, config.gps_noise, antennas=config.antennas, latency=config.gps_latency, interval=config.control_step,
             arrays=arrays,
         )  # fmt: skip
-        self.localisation = Localisation(n, antennas=config.antennas, gains=config.localisation, arrays=arrays)
+        self.localisation = _localisation(n, config, arrays)
         self._pressure_rows = {channel: row for row, channel in enumerate(_pressures_used(config))}
         self._pressures = arrays.zeros((len(self._pressure_rows), n))
         self._pressure_sensor = PressureSensor(n, config.pressure_noise, count=len(self._pressure_rows), arrays=arrays)
@@ -78,16 +87,23 @@ class VehicleSensors:
         """
         self.joint.begin(outputs.last("joint_angle")[where], where)
         fix = self._sense(outputs, rolling_radius, where, self._arrays.zeros(len(where)))
-        self.localisation.begin(fix, self.roll[where], self.pitch[where], reference[where], where)
+        measured = fix, self.roll[where], self.pitch[where], reference[where]
+        if isinstance(self.localisation, PoseFilter):
+            self.localisation.begin(*measured, rates=self.rates[where], indices=where)
+        else:
+            self.localisation.begin(*measured, where)
 
     def update(self, outputs: Outputs, reference: Array, rolling_radius: Array, time: Array) -> None:
         """One reading of all sensors at the end of a control step, at ``time`` [s] (N,); see :meth:`begin`."""
         self.joint.update(outputs.samples("joint_angle"), time)
         fix = self._sense(outputs, rolling_radius, ALL, time)
-        self.localisation.update(
-            fix, self.roll, self.pitch, reference,
-            speed=self.speed, yaw_rate=self.rates[:, 2], step=self._config.control_step,
-        )  # fmt: skip
+        measured = fix, self.roll, self.pitch, reference
+        if isinstance(self.localisation, PoseFilter):
+            self.localisation.update(*measured, speed=self.speed, rates=self.rates)
+        else:
+            self.localisation.update(
+                *measured, speed=self.speed, yaw_rate=self.rates[:, 2], step=self._config.control_step
+            )
 
     def pressure(self, channel: str) -> Array:
         """The last reading of a channel [Pa] (N,)."""
@@ -122,6 +138,17 @@ class VehicleSensors:
             level = floats(self._arrays.xp.stack([outputs.last(channel)[rows] for channel in self._pressure_rows]))
             self._pressures[:, rows] = level + noise * (self._pressure_sensor.measure(level, time, asked) - level)
         return self.gps.measure(position, roll, pitch, yaw, time, asked)
+
+
+def _localisation(num_envs: int, config: PathTrackingConfig, arrays: Arrays) -> Localisation | PoseFilter:
+    """Of the configuration's kind; the filter is told the sensors' stated errors."""
+    chosen, antennas = config.localisation, config.antennas
+    if isinstance(chosen, LocalisationGains):
+        return Localisation(num_envs, antennas=antennas, gains=chosen, arrays=arrays)
+    return PoseFilter(
+        num_envs, settings=chosen, antennas=antennas, gps_noise=config.gps_noise, imu_noise=config.imu_noise,
+        latency=config.gps_latency, step=config.control_step, arrays=arrays,
+    )  # fmt: skip
 
 
 def _pressures_used(config: PathTrackingConfig) -> list[str]:

@@ -11,8 +11,10 @@ from aoro_gym.execution.array_api import Arrays
 from aoro_gym.sensors.kernels.gps import GpsMemory, gps_memory
 from aoro_gym.sensors.kernels.imu import ImuMemory, imu_memory
 from aoro_gym.sensors.kernels.localisation import LocalisationMemory, localisation_memory
+from aoro_gym.sensors.kernels.pose_filter import PoseFilterMemory, pose_filter_memory
 from aoro_gym.sensors.kernels.pressure import PressureMemory, pressure_memory
 from aoro_gym.sensors.kernels.wheel_speed import WheelSpeedMemory, wheel_speed_memory
+from aoro_gym.sensors.pose_filter import PoseFilter
 from aoro_gym.terrains.raster import CELL
 from aoro_gym.twin.records import Output
 
@@ -57,7 +59,9 @@ class Sensing:
     imu: ImuMemory
     wheels: WheelSpeedMemory
     gps: GpsMemory
-    localisation: LocalisationMemory
+    localisation: LocalisationMemory  # only the pose is used where it is filtered
+    filter: PoseFilterMemory
+    filters: int  # whether the pose is estimated by it
     pressure: PressureMemory
     inertial: int  # whether the specific force is observed
     noise: wp.array(dtype=wp.float64)  # (N,) of wheels and pressures
@@ -192,7 +196,13 @@ def sensing_memory(sensors: Any, arrays: Arrays) -> Sensing:
     out = shared(Sensing(), sensors, read, arrays)
     out.joint, out.imu = joint_memory(sensors.joint, arrays), imu_memory(sensors._imu, arrays)
     out.wheels = wheel_speed_memory(sensors._wheel_sensor, arrays)
-    out.gps, out.localisation = gps_memory(sensors.gps, arrays), localisation_memory(sensors.localisation, arrays)
+    out.gps, here = gps_memory(sensors.gps, arrays), sensors.localisation
+    out.filters = int(isinstance(here, PoseFilter))
+    if out.filters:
+        out.filter = pose_filter_memory(here, arrays)
+        out.localisation.position, out.localisation.heading = out.filter.position, out.filter.heading
+    else:
+        out.localisation = localisation_memory(here, arrays)
     out.pressure = pressure_memory(sensors._pressure_sensor, arrays)
     out.inertial = int(sensors._config.observe_inertial)
     out.noise, out.pressures = arrays.shared(sensors._noise), arrays.shared(sensors._pressures)

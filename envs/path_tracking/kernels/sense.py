@@ -12,6 +12,7 @@ from aoro_gym.sensors.kernels.attitude import in_world, wrapped
 from aoro_gym.sensors.kernels.gps import gps_shown
 from aoro_gym.sensors.kernels.imu import imu_error, imu_moved_on, specific_force
 from aoro_gym.sensors.kernels.localisation import begin_at, locate
+from aoro_gym.sensors.kernels.pose_filter import begin_filter, filter_pose
 from aoro_gym.sensors.kernels.pressure import pressure_shown
 from aoro_gym.sensors.kernels.wheel_speed import ground_speed, wheel_speed_shown
 from aoro_gym.twin.records import Output, State
@@ -120,13 +121,22 @@ def follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rul
 
 
 @wp.func
+def measured_rates(s: Sensing, i: int):
+    """Measured angular velocity [rad/s]."""
+    return wp.vec3d(s.rates[i, 0], s.rates[i, 1], s.rates[i, 2])
+
+
+@wp.func
 def sense_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int, time: wp.float64):
     """Read all sensors at the end of a step, and find the vehicle on its path."""
     d.step[i] = d.step[i] + wp.int64(1)
     sense_joint(m, s.joint, i, time)
     fix = sense_all(m, v, s, i, time)
     front = wp.vec3d(v.front[i], ZERO, ZERO)
-    locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front, s.speed[i], s.rates[i, 2], m.control_step)
+    if s.filters != 0:
+        filter_pose(s.filter, i, fix, s.roll[i], s.pitch[i], measured_rates(s, i), front, s.speed[i])
+    else:
+        locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front, s.speed[i], s.rates[i, 2], m.control_step)
     follow(m, c, v, s, d, r, i)
 
 
@@ -135,7 +145,11 @@ def rest_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, 
     """First measurements of a vehicle at rest."""
     rest_joint(s.joint, i, last(m, Output.JOINT_ANGLE, i))
     fix = sense_all(m, v, s, i, ZERO)
-    begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], wp.vec3d(v.front[i], ZERO, ZERO))
+    front = wp.vec3d(v.front[i], ZERO, ZERO)
+    if s.filters != 0:
+        begin_filter(s.filter, i, fix, s.roll[i], s.pitch[i], measured_rates(s, i), front)
+    else:
+        begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], front)
     follow(m, c, v, s, d, r, i)
     d.progress[i] = ZERO
     d.start_s[i] = d.s[i]

@@ -364,6 +364,23 @@ def test_repeats_of_a_drive_begin_alike():
     assert not np.array_equal(run.places[0, 0], run.places[1, 0])
 
 
+def test_the_pose_is_estimated_as_asked():
+    """The filter's estimate is another one: who drives by it drives otherwise."""
+    policies = {"stanley": REFERENCE_POLICIES[TRACKING]["stanley"]}
+    found = [
+        evaluate(TRACKING, policies, episodes=1, courses=[SHORT], localisation=each)
+        for each in (None, "gains", "filter")
+    ]
+    returns = [each.runs["stanley"].metrics["return"][0] for each in found]
+    assert returns[0] == returns[1] != returns[2]
+    for env, localisation, message in (
+        (TURNING, "filter", "env with a localisation"),
+        (TRACKING, "best", "localisation is"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            evaluate(env, policies, localisation=localisation)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

@@ -135,6 +135,11 @@ CASES: dict[str, dict[str, Any]] = {
         "scan_x": (2.0, 4.0),
         "config": PathTrackingConfig(gps_noise=GpsNoise.typical(FixLoss(0.1, 0.5, 0.2))),
     },
+    "filtered pose": {
+        "randomisation": MILD,
+        "localisation": "filter",
+        "config": PathTrackingConfig(gps_latency=0.2, gps_noise=GpsNoise.typical(FixLoss(0.1, 0.5, 0.2))),
+    },
     "all that acts": {"act_arms": True, "act_traction": True, "act_gear": True},
     "exact sensors over a plane": {
         "courses": (LEVEL,),
@@ -214,6 +219,7 @@ def steps_agree(plain: Any, kernels: Any, count: int, seed: int = 3, reasons: se
     [
         *((case, "numpy") for case in (*CASES, *TURNING_CASES, *LEVELLING_CASES)),
         ("default", "torch"),
+        ("filtered pose", "torch"),
         ("own terms", "torch"),
         ("turning, own terms", "torch"),
         ("levelling", "torch"),

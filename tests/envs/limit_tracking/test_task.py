@@ -13,7 +13,7 @@ from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.envs import LimitTrackingVectorEnv, limit_config
 from aoro_gym.envs.limit_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
-from aoro_gym.sensors import GpsNoise
+from aoro_gym.sensors import GpsNoise, Localisation, PoseFilter, PoseFilterSettings
 from aoro_gym.sensors.gps import FIXED as FIXED_SOLUTION
 from aoro_gym.sensors.gps import FLOAT, NONE, FixLoss
 from aoro_gym.terrains import Path, Plane
@@ -52,6 +52,17 @@ def test_a_step_in_kernels_is_that_of_array_operations(slopes):
         steps = [env.step(np.full((2, 2), 0.6, dtype=np.float32)) for env in both]
     np.testing.assert_allclose(steps[0][0], steps[1][0], atol=2e-4)
     np.testing.assert_allclose(steps[0][1], steps[1][1], atol=2e-4)
+
+
+def test_the_pose_is_estimated_as_asked():
+    assert isinstance(made().task._sensors.localisation, Localisation)
+    assert isinstance(made(localisation="filter").task._sensors.localisation, PoseFilter)
+    settings = PoseFilterSettings(friction=0.3)
+    assert made(localisation=settings).task._sensors.localisation.settings is settings
+    with pytest.raises(ValueError, match="localisation is 'kalman'; choose one of: gains, filter"):
+        made(localisation="kalman")
+    with pytest.raises(ValueError, match="localisation is None, but must be LocalisationGains or PoseFilterSettings"):
+        limit_config(localisation=None)
 
 
 @pytest.mark.parametrize("kernels", [True, False])
