@@ -156,24 +156,23 @@ def choose_laws(
     scored = {one.name: finals[one.name][0] if one.name in finals else one.blocks for one in order}
     ranked = sorted(finals or scored, key=lambda name: _score(scored[name]))
     best = ranked[0]
-    rows = [
-        {
-            "family": one.name,
-            "searched": len(one.space.keys),
-            "screening": _score(one.blocks),
-            "predicted": _score(finals[one.name][0]) if one.name in finals else None,
-            "fit": finals[one.name][1] if one.name in finals else None,
-            "ratio_to_the_best_95": None
-            if one.name == best or (finals and one.name not in finals)
-            else list(ratio_interval(scored[best], scored[one.name], seed)),
-        }
-        for one in sorted(order, key=lambda one: (one.name not in finals, _score(scored[one.name])))
-    ]
-    apart = {row["family"]: _apart(row, _score(scored[best])) for row in rows if row["ratio_to_the_best_95"]}
-    alike = [name for name, is_apart in apart.items() if not is_apart]
+    quickly = {one.name: one.blocks for one in order}
+    rows, alike, unsure = [], [], []
+    for one in sorted(order, key=lambda one: (one.name not in finals, _score(scored[one.name]))):
+        known = finals.get(one.name)
+        pair = (quickly if finals and known is None else scored)[best], scored[one.name]
+        interval = None if one.name == best else ratio_interval(*pair, seed)
+        if interval is not None and not is_apart(interval, *map(_score, pair)):
+            (unsure if finals and known is None else alike).append(one.name)
+        rows.append({
+            "family": one.name, "searched": len(one.space.keys), "screening": _score(one.blocks),
+            "predicted": None if known is None else _score(known[0]), "fit": None if known is None else known[1],
+            "ratio_to_the_best_95": None if interval is None else list(interval),
+        })  # fmt: skip
     report = {
-        "chosen": best, "told_apart": not alike, "alike": alike, "families": rows, "quick": quick,
-        "left_out": [fold.name for fold in folds], "sentence": _sentence(best, scored, ranked, alike, quick=quick),
+        "chosen": best, "told_apart": not alike, "alike": alike, "alike_by_the_screening": unsure, "families": rows,
+        "quick": quick, "left_out": [fold.name for fold in folds],
+        "sentence": _sentence(best, scored, ranked, alike, unsure, quick=quick),
     }  # fmt: skip
     return Choice(candidates[best], report)
 
@@ -202,11 +201,9 @@ def ratio_interval(best: Floats, other: Floats, seed: int = 0) -> tuple[float, f
     return float(found.low), float(found.high)
 
 
-def _apart(row: Mapping[str, Any], best: float) -> bool:
-    """Whether a family's error is told apart from the best one's."""
-    own = row["screening"] if row["predicted"] is None else row["predicted"]
-    low, high = row["ratio_to_the_best_95"]
-    return not (low <= 1.0 <= high or max(own, best) <= WITHIN_NOISE)
+def is_apart(ratio: tuple[float, float], *errors: float) -> bool:
+    """Whether two errors [standard deviations of noise] are told apart, by the 95 % interval of their ratio."""
+    return not (ratio[0] <= 1.0 <= ratio[1] or max(errors) <= WITHIN_NOISE)
 
 
 def _score(blocks: Floats) -> float:
@@ -215,17 +212,24 @@ def _score(blocks: Floats) -> float:
 
 
 def _sentence(
-    best: str, scored: Mapping[str, Floats], ranked: Sequence[str], alike: Sequence[str], *, quick: bool
+    best: str,
+    scored: Mapping[str, Floats],
+    ranked: Sequence[str],
+    alike: Sequence[str],
+    unsure: Sequence[str],
+    *,
+    quick: bool,
 ) -> str:
+    def named(names: Sequence[str]) -> str:
+        return ", ".join(f"{name} ({_score(scored[name]):.3g})" for name in names)
+
     how = "by quick searches alone" if quick else f"{FINALISTS} of them fitted in full"
     said = (
         f"laws: {best}, of {len(scored)} families, {how}; predicts what was left out to {_score(scored[best]):.3g} standard"
         " deviations of noise"
     )
-    if alike:
-        others = ", ".join(f"{name} ({_score(scored[name]):.3g})" for name in alike)
-        return f"{said}; cannot be told apart from {others}"
-    return f"{said}; told apart from {ranked[1]} ({_score(scored[ranked[1]]):.3g})" if len(ranked) > 1 else said
+    said += f"; cannot be told apart from {named(alike)}" if alike else f"; told apart from {named(ranked[1:2])}"
+    return f"{said}; nor did the quick searches tell it from {named(unsure)}" if unsure else said
 
 
 def _screened(

@@ -110,6 +110,7 @@ def _families(laws: dict[str, Any]) -> Comparison:
         interval = one["ratio_to_the_best_95"]
         mark = Text("chosen", "green") if one["family"] == laws["chosen"] else Text("")
         mark = Text("not told apart", "yellow") if one["family"] in laws["alike"] else mark
+        mark = Text("not told apart, quick", "yellow") if one["family"] in laws["alike_by_the_screening"] else mark
         rows.append([
             one["family"], str(one["searched"]), f"{one['screening']:.2f}",
             *("-" if one[key] is None else f"{one[key]:.2f}" for key in ("predicted", "fit")),

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aoro_gym.calibration.choice import BLOCK, families_of, folds_of, phases, ratio_interval, searchable
+from aoro_gym.calibration.choice import BLOCK, families_of, folds_of, is_apart, phases, ratio_interval, searchable
 from aoro_gym.calibration.logs import calibrate_logs
 from aoro_gym.calibration.recordings import EVERY, read_filtered_log
 from aoro_gym.calibration.report import tables
@@ -64,6 +64,7 @@ def test_full_fits_choose_among_all_families(start, tmp_path, plant):
     found = calibrate_logs(start, logs, progress=lambda sentence, share: told.append((sentence, share)), **options)
     laws = found.report["laws"]
     assert plant in (laws["chosen"], *laws["alike"]), laws["sentence"]
+    assert all(one["ratio_to_the_best_95"] for one in laws["families"] if one["family"] != laws["chosen"])
     assert {one["family"] for one in laws["families"]} == set(FAMILIES)
     assert [one["predicted"] is not None for one in laws["families"]] == [True, True, False, False, False]
     shares = [share for _, share in told]
@@ -100,6 +101,13 @@ def test_the_interval_of_a_ratio():
     assert low < 2.0 < high
     assert np.log(high / low) == pytest.approx(2.0 * 1.96 * std, rel=0.15)  # 400 blocks know their variance to 7 %
     assert ratio_interval(one, one) == (1.0, 1.0)
+
+
+def test_what_is_told_apart():
+    assert is_apart((1.1, 2.0), 3.0, 4.0) and is_apart((0.5, 0.9), 4.0, 3.0)
+    assert not is_apart((0.9, 2.0), 3.0, 4.0), "the interval holds 1"
+    assert not is_apart((1.5, 2.0), 0.4, 0.7), "both are within the noise"
+    assert is_apart((1.5, 3.0), 0.7, 1.4)
 
 
 def test_parameters_of_the_laws_are_searched(start):

@@ -76,6 +76,7 @@ REPORTS = {
             "chosen": "library",
             "told_apart": False,
             "alike": ["default"],
+            "alike_by_the_screening": [],
             "left_out": ["a.csv"],
             "quick": False,
             "sentence": "laws: library, of two families",
