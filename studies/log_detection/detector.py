@@ -23,6 +23,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from aoro_gym.execution.files import written_whole
+from studies.log_detection.keeping import Keeping
 from studies.log_detection.pictures import CANVAS, CLASSES, Pictures
 
 STRIDE = 4
@@ -223,6 +224,7 @@ def train(
     start: Detector | None = None,
     device: str = "cpu",
     progress: Callable[[float, str], None] | None = None,
+    keeping: Keeping | None = None,
 ) -> Detector:
     """A detector that has learnt from pictures.
 
@@ -235,6 +237,7 @@ def train(
         start: A detector to go on from, with the same classes and canvas; None: random weights.
         device: Of the training; the detector comes back to the CPU.
         progress: Told the share that is done, and the loss.
+        keeping: Where it is kept each minute, and goes on from if it was; the detector is the same.
 
     Raises:
         ValueError: There is no picture, or the first detector has other classes or another canvas.
@@ -257,8 +260,16 @@ def train(
     schedule = torch.optim.lr_scheduler.OneCycleLR(learning, LEARNING_RATE, total_steps=steps, pct_start=0.1)
     pixels = torch.from_numpy(pictures.pixels).to(device)
     boxes, labels = padded(pictures.boxes, pictures.labels, device)
-    recent = torch.zeros((), device=device)
-    for step in range(steps):
+    recent, done = torch.zeros((), device=device), 0
+    parts = {"detector": made, "learning": learning, "schedule": schedule}
+    course = {
+        "steps": steps, "batch": batch, "seed": seed, "pictures": len(pictures), "canvas": list(made.canvas),
+        "wide": made.wide, "tuned": start is not None, "device": torch.device(device).type,
+    }  # fmt: skip
+    if keeping is not None:
+        done, kept = keeping.restore(course, parts, draw)
+        recent = recent if kept is None else kept.to(device)
+    for step in range(done, steps):
         chosen = torch.randint(len(pictures), (batch,), generator=draw).to(device)
         moved, own, kinds = varied(normalised(pixels[chosen]), boxes[chosen], labels[chosen], draw)
         wanted = targets(own, kinds, len(pictures.classes), pictures.canvas)
@@ -273,6 +284,8 @@ def train(
         recent = value.detach() if step == 0 else 0.95 * recent + 0.05 * value.detach()
         if progress is not None and (not on_gpu or step % TOLD == 0 or step == steps - 1):
             progress((step + 1) / steps, f"loss {recent.item():.2f}")
+        if keeping is not None:
+            keeping.keep(course, parts, draw, step + 1, recent)
     return made.cpu().eval()
 
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.execution.files import written_whole
+
 CANVAS = (144, 192)
 """Height and width [pixels] that pictures are shrunk into where nothing else is said: a camera's 3 to 4."""
 GREY = 114
@@ -74,6 +76,7 @@ def load(
     *,
     renamed: Mapping[str, str] | None = None,
     canvas: tuple[int, int] = CANVAS,
+    kept: Path | None = None,
 ) -> Pictures:
     """Pictures of a COCO file in the order of their numbers.
 
@@ -83,6 +86,7 @@ def load(
         classes: To look for, by name; other ones are left out.
         renamed: Name in the file by name of a class, where they differ.
         canvas: Height and width [pixels].
+        kept: As of :func:`of_coco`.
 
     Raises:
         ValueError: The file lacks a class, a picture is not there, or the file holds no COCO.
@@ -98,7 +102,7 @@ def load(
             f"{annotations} has none of the classes {', '.join(wanted.values())}, but {', '.join(numbers)};"
             " give --name log=NAME for the names that differ"
         )
-    return of_coco(told, images, found, classes, canvas)
+    return of_coco(told, images, found, classes, canvas, kept)
 
 
 def of_coco(
@@ -107,6 +111,7 @@ def of_coco(
     found: Mapping[int, int],
     classes: Sequence[str] = CLASSES,
     canvas: tuple[int, int] = CANVAS,
+    kept: Path | None = None,
 ) -> Pictures:
     """Pictures of the content of a COCO file.
 
@@ -116,15 +121,17 @@ def of_coco(
         found: Places of classes by their number in the file.
         classes: By name.
         canvas: Height and width [pixels].
+        kept: A file, ``.npy``, to write the pixels to, and to read them from as long as no picture is newer: processes that
+            read it share its memory. None: pictures are read each time.
     """
     listed = sorted(told["images"], key=lambda one: one["id"])
     of_image: dict[int, list[dict[str, Any]]] = {one["id"]: [] for one in listed}
     for one in told["annotations"]:
         if one["category_id"] in found and one["image_id"] in of_image:
             of_image[one["image_id"]].append({**one, "category_id": found[one["category_id"]] + 1})
-    with ThreadPoolExecutor(4) as pool:
-        read = list(pool.map(lambda one: _read(images / one["file_name"], canvas), listed))
-    pixels, scales = zip(*read, strict=True)
+    files = [images / one["file_name"] for one in listed]
+    scales = [_scale(one, canvas) for one in files]
+    pixels = _stacked(files, canvas) if kept is None else shared(files, canvas, kept)
     least = LEAST_AREA * canvas[0] * canvas[1]
     boxes, labels = [], []
     for one, scale in zip(listed, scales, strict=True):
@@ -144,15 +151,37 @@ def of_coco(
         ],
     }
     ids = [one["id"] for one in listed]
-    return Pictures(np.stack(pixels), boxes, labels, np.array(scales), ids, truth, tuple(classes))
+    return Pictures(pixels, boxes, labels, np.array(scales), ids, truth, tuple(classes))
 
 
-def _read(path: Path, canvas: tuple[int, int]) -> tuple[NDArray[np.uint8], float]:
-    """A picture on the canvas, and its scale."""
+def shared(files: Sequence[Path], canvas: tuple[int, int], kept: Path) -> NDArray[np.uint8]:
+    """(N, H, W, 3) pictures on the canvas from the file ``kept``, which is written anew where a picture is newer."""
+    newest = max(file.stat().st_mtime_ns for file in files)
+    if not kept.exists() or kept.stat().st_mtime_ns < newest or len(np.load(kept, mmap_mode="r")) != len(files):
+        with written_whole(kept) as temporary:
+            np.save(temporary, _stacked(files, canvas))
+    return np.load(kept, mmap_mode="c")  # writable, as torch wants it: what is not written is shared
+
+
+def _stacked(files: Sequence[Path], canvas: tuple[int, int]) -> NDArray[np.uint8]:
+    with ThreadPoolExecutor(4) as pool:
+        return np.stack(list(pool.map(lambda file: _read(file, canvas), files)))
+
+
+def _scale(path: Path, canvas: tuple[int, int]) -> float:
+    """Pixels of the canvas over those of a picture."""
     from PIL import Image
 
     if not path.exists():
         raise ValueError(f"there is no picture {path}; give the folder of the pictures as --images")
+    with Image.open(path) as opened:
+        return min(canvas[1] / opened.width, canvas[0] / opened.height)
+
+
+def _read(path: Path, canvas: tuple[int, int]) -> NDArray[np.uint8]:
+    """A picture on the canvas."""
+    from PIL import Image
+
     height, width = canvas
     with Image.open(path) as opened:
         picture = opened.convert("RGB")
@@ -160,7 +189,7 @@ def _read(path: Path, canvas: tuple[int, int]) -> tuple[NDArray[np.uint8], float
     size = max(round(picture.width * scale), 1), max(round(picture.height * scale), 1)
     out = np.full((height, width, 3), GREY, dtype=np.uint8)
     out[: size[1], : size[0]] = np.asarray(picture if scale == 1.0 else picture.resize(size, Image.Resampling.BOX))
-    return out, scale
+    return out
 
 
 def joined(parts: Sequence[Pictures]) -> Pictures:

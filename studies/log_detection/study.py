@@ -10,6 +10,7 @@ import json
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,12 +21,15 @@ from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.reporting import terminal
 from aoro_gym.sensors.dataset.formats import coco
 from studies.log_detection.detector import Detector, train
+from studies.log_detection.keeping import Keeping
 from studies.log_detection.pictures import CLASSES, Pictures, load, of_coco
 from studies.log_detection.scale import Scale
 from studies.log_detection.scoring import score
 
 ABLATIONS = ("light", "weather", "texture", "season", "fixed")
 """Sets by what stays the same; ``fixed`` is all of it."""
+PARTLY = 50
+"""Drawings of forests for the intervals of a training that is not done."""
 
 
 @dataclass(frozen=True)
@@ -48,6 +52,17 @@ class Training:
         """Of its files."""
         return f"{self.kind}_{self.data}_{self.pictures}_{self.seed}"
 
+    @property
+    def tested(self) -> tuple[str, ...]:
+        """Sets that it is scored on."""
+        return ("other_test",) if self.data == "other" else ("test", "other_test")
+
+    @property
+    def told(self) -> dict[str, Any]:
+        """What its files say of it."""
+        names = ("kind", "data", "pictures", "seed", "steps")
+        return {name: getattr(self, name) for name in names}
+
 
 def trainings(seeds: int, scale: Scale) -> Iterator[Training]:
     """All of them, those first that others go on from."""
@@ -64,8 +79,9 @@ def trainings(seeds: int, scale: Scale) -> Iterator[Training]:
                 yield Training("scratch", "other", count, seed, scale.fine_steps)
 
 
-def forests(folder: Path, canvas: tuple[int, int]) -> Pictures:
+def forests(folder: Path, canvas: tuple[int, int], kept: Path | None = None) -> Pictures:
     """All pictures of a data set of ``aoro-gym dataset`` on a canvas, in order and without masks; splits are of no effect.
+    ``kept`` is as of :func:`~studies.log_detection.pictures.of_coco`.
 
     Raises ``ValueError`` where there are none.
     """
@@ -78,7 +94,7 @@ def forests(folder: Path, canvas: tuple[int, int]) -> Pictures:
     told = coco(frames)
     numbers = {one["name"]: one["id"] for one in told["categories"]}
     found = {numbers[name]: place for place, name in enumerate(CLASSES)}
-    return of_coco(told, folder / "images", found, CLASSES, canvas)
+    return of_coco(told, folder / "images", found, CLASSES, canvas, kept)
 
 
 def run(data: Path, results: Path, scale: Scale, *, seeds: int = 1, device: str = "cpu") -> None:
@@ -161,10 +177,11 @@ class _Sets:
     def __getitem__(self, name: str) -> Pictures:
         if name not in self._known:
             folder = self.data / name
+            file = folder / f".canvas_{self._canvas[0]}_{self._canvas[1]}.npy"
             if name.startswith("other"):
-                made = load(folder / "annotations.json", folder / "images", canvas=self._canvas)
+                made = load(folder / "annotations.json", folder / "images", canvas=self._canvas, kept=file)
             else:
-                made = forests(folder, self._canvas)
+                made = forests(folder, self._canvas, kept=file)
             self._known[name] = made
         return self._known[name]
 
@@ -199,17 +216,40 @@ def _trained(
     if start is not None and one.pictures == 0:
         made = start
     else:
+        keeping = Keeping(
+            sets.data / "detectors" / f"{one.name}.kept", told=partial(_tell_partly, one, results, sets, device)
+        )
         made = train(
             sets[one.data].first(one.pictures), steps=one.steps, batch=batch, seed=one.seed, start=start, device=device,
-            progress=progress,
+            progress=progress, keeping=keeping,
         )  # fmt: skip
     taken = time.process_time() - began
     made.save(_weights(sets.data, one.name), {"training": one.name})
-    tested = ("other_test",) if one.data == "other" else ("test", "other_test")
-    scores: dict[str, Any] = {name: score(made, sets[name], device=device) for name in tested}
+    scores: dict[str, Any] = {name: score(made, sets[name], device=device) for name in one.tested}
     if one.kind != "ablation":  # these alone are compared in pairs
         for each in scores.values():
             del each["resampled"]
-    told = {"kind": one.kind, "data": one.data, "pictures": one.pictures, "seed": one.seed, "steps": one.steps}
-    told["device"] = device
-    write_json(results / f"{one.name}.json", {**told, "cpu_s": round(taken, 1), "scores": scores})
+    write_json(results / f"{one.name}.json", {**one.told, "device": device, "cpu_s": round(taken, 1), "scores": scores})
+    for left in (sets.data / "detectors" / f"{one.name}.kept", _partly(one, results)):
+        left.unlink(missing_ok=True)
+
+
+def _partly(one: Training, results: Path) -> Path:
+    """File of the scores of a training that is not done."""
+    return results / "partial" / f"{one.name}.json"
+
+
+def _tell_partly(one: Training, results: Path, sets: _Sets, device: str, done: int, detector: Detector) -> None:
+    """Score a training that is not done on the first of its tests.
+
+    Args:
+        one: The training.
+        results: Folder of the scores.
+        sets: Of the pictures.
+        device: Of the training.
+        done: Batches.
+        detector: As it is then.
+    """
+    scored = score(detector, sets[one.tested[0]], resamples=PARTLY, device=device)
+    del scored["resampled"]
+    write_json(_partly(one, results), {**one.told, "device": device, "done": done, "scores": {one.tested[0]: scored}})

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import replace
 from typing import Any
 
@@ -19,6 +20,7 @@ from studies.log_detection import scoring, study  # noqa: E402
 from studies.log_detection.__main__ import main  # noqa: E402
 from studies.log_detection.detector import Detector, _told, cells, loss, padded, targets, train, varied  # noqa: E402
 from studies.log_detection.figures import differences, failure  # noqa: E402
+from studies.log_detection.keeping import Keeping  # noqa: E402
 from studies.log_detection.making import forest_sets  # noqa: E402
 from studies.log_detection.pictures import CANVAS, CLASSES, Pictures, load  # noqa: E402
 from studies.log_detection.scale import SCALES  # noqa: E402
@@ -214,6 +216,55 @@ def test_commands_train_score_and_tune(tmp_path, capsys) -> None:
     assert "4 pictures" in capsys.readouterr().out
     with Image.open(places[2]) as opened:
         assert opened.width == 3 * 2 * CANVAS[1]
+
+
+def test_a_training_that_was_interrupted_goes_on_to_the_same_detector(rectangles, tmp_path) -> None:
+    """Stopped after three of six batches; a training of another course begins anew, and so does one whose file is broken."""
+    torch.set_num_threads(1)
+    whole = train(rectangles, steps=6, batch=4)
+    file, told = tmp_path / "training.kept", []
+
+    def stop(done: int, detector: Detector) -> None:
+        told.append(done)
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(rectangles, steps=6, batch=4, keeping=Keeping(file, 0.0, stop))
+    again = train(rectangles, steps=6, batch=4, keeping=Keeping(file, 0.0, lambda done, _: told.append(done)))
+    assert told == [1, 2, 3, 4, 5, 6]
+    for name, value in whole.state_dict().items():
+        assert torch.equal(value, again.state_dict()[name])
+    told.clear()
+    train(rectangles, steps=6, batch=4, seed=1, keeping=Keeping(file, 0.0, lambda done, _: told.append(done)))
+    file.write_bytes(file.read_bytes()[:1000])
+    train(rectangles, steps=2, batch=4, keeping=Keeping(file, 0.0, lambda done, _: told.append(done)))
+    assert told == [1, 2, 3, 4, 5, 6, 1, 2]
+
+
+def test_a_training_that_is_not_done_has_scores(rectangles, tmp_path) -> None:
+    one = study.Training("scratch", "other", 5, 0, 100)
+    sets: Any = {"other_test": rectangles}
+    study._tell_partly(one, tmp_path, sets, "cpu", 40, Detector().eval())
+    found = json.loads((tmp_path / "partial" / f"{one.name}.json").read_text())
+    assert (found["done"], found["steps"]) == (40, 100) and set(found["scores"]["other_test"]["ap50"]) == {
+        *CLASSES,
+        "mean",
+    }
+    assert not study._is_there(one, tmp_path)
+
+
+def test_pictures_are_read_once(tmp_path) -> None:
+    """From the file that is kept; a picture that is newer is read again."""
+    file, kept = drawn(tmp_path, 3), tmp_path / "kept.npy"
+    first = load(file, tmp_path / "images", kept=kept).pixels
+    np.testing.assert_array_equal(first, load(file, tmp_path / "images").pixels)
+    began = kept.stat().st_mtime_ns
+    load(file, tmp_path / "images", kept=kept)
+    assert kept.stat().st_mtime_ns == began
+    Image.new("RGB", (CANVAS[1], CANVAS[0]), "white").save(tmp_path / "images/1.png")
+    os.utime(tmp_path / "images/1.png", ns=(began + 10**9, began + 10**9))
+    assert (load(file, tmp_path / "images", kept=kept).pixels[1] == 255).all()
 
 
 @pytest.mark.parametrize(
