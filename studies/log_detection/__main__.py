@@ -6,7 +6,7 @@
 `train` and `score` take any files of COCO; what a detector was trained on and what it is scored on need not be of one make.
 `pictures`, `study` and `figures` are a study, in this order: how good detectors are by number of pictures, without some of
 what is drawn anew, and on another renderer's pictures. Each goes on where it was stopped, a training from where it was kept
-within the last minute, with its scores until then in `partial` of the results; several processes of `study` share its trainings.
+within the last minute, with its scores until then in `partial` of the results; several processes of `study` share trainings.
 """
 
 from __future__ import annotations
