@@ -107,8 +107,17 @@ class CraneStops:
 
 
 @section
+class LogContact:
+    """Contact with the ground of each of three places of a log: the ends and the middle of its lower side."""
+
+    stiffness: Quantity = positive("N/m")
+    damping: Quantity = non_negative("N*s/m")
+    friction: Quantity = non_negative("1")
+
+
+@section
 class CraneMount:
-    """Place, transport pose, valves, hoses, friction and stops."""
+    """Place, transport pose, valves, hoses, friction, stops, and contact of a log with the ground."""
 
     foot: Foot
     transport: Transport
@@ -116,6 +125,7 @@ class CraneMount:
     hoses: CraneHoses
     friction: CraneFriction
     stops: CraneStops
+    contact: LogContact
 
 
 def crane_mount_parameters() -> dict[str, Parameter]:
@@ -138,6 +148,8 @@ class VehicleCrane:
     """What moves the joints: ``"cylinders"``, by oil and valves, or ``"torques"``, without oil, friction and stops."""
     start: tuple[float, float, float, float] | None = None
     """Joints after a reset; those of the transport pose by default."""
+    log_contact: bool = True
+    """Whether the ground bears a log in the grapple."""
 
     def __post_init__(self) -> None:
         if self.drive not in ("cylinders", "torques"):

@@ -48,7 +48,11 @@ _UNITS: list[tuple[str, str, float]] = [
     (r"position_[xyz]|(sinkage|rut_depth)" + _CORNER + "|crane_joint_telescope", "m", 1.0),
     (r"speed|crane_rate_telescope", "m_per_s", 1.0),
     (
-        r"wheel_load" + _CORNER + "|hull_force|object_force_[xyz]_.*|soil_resistance" + _CORNER + "|crane_tip_load",
+        r"wheel_load"
+        + _CORNER
+        + "|hull_force|object_force_[xyz]_.*|soil_resistance"
+        + _CORNER
+        + "|crane_(tip_load|ground_force)",
         "kN",
         1e3,
     ),

@@ -209,7 +209,14 @@ def _of_crane() -> list[Panel]:
         Panel("Crane: oil from the pump", "L/min", _joints("crane_flow", LITRE_PER_MINUTE), from_zero=True),
         Panel("Crane: pressures of the bores", "bar", _joints("crane_pressure_bore", BAR), from_zero=True),
         Panel("Crane: pressures of the rods' sides", "bar", _joints("crane_pressure_annulus", BAR), from_zero=True),
-        Panel("Crane: load cell at the tip", "kN", [Line("crane_tip_load", "force", INK, 1e3, strong=True)]),
+        Panel(
+            "Crane: load cell at the tip, ground under the log",
+            "kN",
+            [
+                Line("crane_tip_load", "load cell", INK, 1e3, strong=True),
+                Line("crane_ground_force", "ground", AMBER, 1e3),
+            ],
+        ),
         Panel("Lean", "°", [Line("roll", "roll", RED, DEGREE), Line("pitch", "pitch", BLUE, DEGREE)]),
     ]
 

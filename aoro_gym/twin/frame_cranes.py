@@ -40,6 +40,9 @@ def pack_on_frame(vehicle: VehicleCrane) -> NDArray[Any]:
     rows: Any = np.zeros(max(len(chain), len(oil), len(mass)), dtype=layout)
     rows["chain"], rows["oil"] = chain, oil
     rows["has_oil"] = vehicle.drive == "cylinders"
+    rows["has_contact"] = vehicle.log_contact
+    for name in ("stiffness", "damping", "friction"):
+        rows["contact"][name] = getattr(mount.contact, name)
     rows["folded_mass"], rows["folded_moment"], rows["folded_inertia"] = mass, moment, tensor
     return rows
 

@@ -132,6 +132,15 @@ CraneRow = _rows(
         *(*_joints("bore"), *_joints("annulus"), *_joints("oil_torque"), *_joints("flow")),
         # torques from outside, and the force of grapple and log on the tip
         *(*_joints("torque"), "tip_load"),
+        # force of the ground on the log, and its moment about the hinge's origin, in the front frame's axes
+        *(
+            "ground_force_x",
+            "ground_force_y",
+            "ground_force_z",
+            "ground_moment_x",
+            "ground_moment_y",
+            "ground_moment_z",
+        ),
         # the log that is held over this step, as commanded: mass, angle to the pillar, moments of inertia
         *("held_mass", "held_yaw", "held_axial", "held_transverse"),
     ],
@@ -231,9 +240,11 @@ CRANE_OUTPUT_UNITS = {
     **dict.fromkeys(_joints("crane_pressure_annulus"), "Pa"),
     **dict.fromkeys(_joints("crane_flow"), "m^3/s"),
     "crane_tip_load": "N",
+    "crane_ground_force": "N",
 }
 """Unit of each output that only twins with a crane have, after all others: joints and their rates, pressures of the
-chambers, flows from the pump into the sections, and the force on the tip that a load cell there feels."""
+chambers, flows from the pump into the sections, the force on the tip that a load cell there feels, and that of the ground on
+the log."""
 
 
 def command_row(name: str) -> int:

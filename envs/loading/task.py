@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -64,8 +65,8 @@ class Loading:
         """With logs to draw from."""
         if not self.sites:
             raise ValueError("courses are empty; give at least one site with logs")
-        self.crane = self.config.crane
-        """Of the twins."""
+        self.crane = replace(self.config.crane, log_contact=False)
+        """Of the twins, where nothing touches the log but the grapple."""
         self.control_step, self.sample_step = self.config.control_step, self.config.sample_step
         self.reward_terms = self.config.reward_terms
         self.observation_terms = self.config.observation_terms

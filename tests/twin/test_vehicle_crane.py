@@ -80,7 +80,7 @@ def test_accelerations_of_vehicle_and_crane_equal_mujoco(held):
     q = rng.uniform((-3.0, -0.5, -2.6, 0.0), (3.0, 1.4, 0.0, 1.6), (STATES, 4))
     rates = rng.normal(0.0, (0.6, 0.5, 0.7, 0.5), (STATES, 4))
     torque = rng.normal(0.0, (2e4, 6e4, 3e4, 1e4), (STATES, 4))
-    state = np.zeros((len(State) + 5 + len(CraneRow), STATES), dtype=np.float32)
+    state = np.zeros((int(max(CraneRow)) + 1, STATES), dtype=np.float32)
     for row, value in ((CraneRow.JOINT_SLEW, q), (CraneRow.RATE_SLEW, rates), (CraneRow.TORQUE_SLEW, torque)):
         state[int(row) : int(row) + 4] = value.T
     state[CraneRow.HELD_MASS] = held

@@ -35,7 +35,7 @@ from aoro_gym.twin.kernels.laws import with_laws
 from aoro_gym.twin.kernels.motion import drift, kick, rear_rate, rear_rate_change, turn, wheel_rates
 from aoro_gym.twin.kernels.outputs import GroundContact, record_further_outputs, record_outputs
 from aoro_gym.twin.kernels.state import load_state, rest, store_state, watched
-from aoro_gym.twin.kernels.tree import tree
+from aoro_gym.twin.kernels.tree import further_contact, tree
 from aoro_gym.twin.physics.bodies import hinge_rotation
 from aoro_gym.twin.physics.engine import engine_step
 from aoro_gym.twin.physics.fluid import without_gas
@@ -169,6 +169,8 @@ def advance(
             contact.wheel_load = wp.vec4(fl.normal, fr.normal, rl.normal, rr.normal)
             contact.on_map = wp.vec4(fl.known, fr.known, rl.known, rr.known)
             contact.hull_force = front_hull.touch + rear_hull.touch
+
+            further_contact(laws, state, t, terrain, ground, front, h)
 
             # accelerations of the tree
             weight = wp.transpose(rotation) * wp.vec3(0.0, 0.0, -ground.gravity)

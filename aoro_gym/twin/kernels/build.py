@@ -89,7 +89,7 @@ def _build(
     if load:
         advancing = with_others(advancing, {"tree": tree_with_load})
     elif crane:
-        advancing, laws = with_crane(advancing, laws)
+        advancing, laws = with_crane(advancing, laws, covered=objects or soil)
     return kernel(reset, terrain=kind), kernel(advancing, terrain=felt, laws=laws)
 
 
@@ -138,8 +138,9 @@ def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
     return with_others(function, parts), SOIL_GROUNDS[kind]
 
 
-def with_crane(function: Any, laws: Any) -> tuple[Any, Any]:
-    """An ``advance`` as it is for machines with a crane, and the kind of ``laws`` with cranes that it takes."""
+def with_crane(function: Any, laws: Any, *, covered: bool) -> tuple[Any, Any]:
+    """An ``advance`` as it is for machines with a crane, and the kind of ``laws`` with cranes that it takes; ``covered``:
+    whether objects or soil are on the ground."""
     from aoro_gym.twin.kernels import crane_on_frame as crane  # few twins have one
 
     sections = {
@@ -151,6 +152,7 @@ def with_crane(function: Any, laws: Any) -> tuple[Any, Any]:
     parts = {
         "hydraulics": oil,
         "tree": crane.tree_with_crane,
+        "further_contact": crane.log_on_covered_ground if covered else crane.log_on_ground,
         "with_laws": crane.with_laws_of_crane,
         "load_signals": crane.load_signals_with_crane,
         "record_further_outputs": crane.record_crane_outputs,

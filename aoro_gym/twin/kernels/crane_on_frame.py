@@ -11,17 +11,21 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.corners import HullLoads
+from aoro_gym.twin.kernels.corners import Half, HullLoads
 from aoro_gym.twin.kernels.hydraulics import Signals, load_signals
 from aoro_gym.twin.kernels.laws import ChosenLaws, DefaultLaws, with_laws
-from aoro_gym.twin.kernels.state import Velocity, load4, store4
+from aoro_gym.twin.kernels.state import Velocity, load3, load4, store3, store4
 from aoro_gym.twin.kernels.tree import accelerate_with_load
 from aoro_gym.twin.physics.bodies import Articulated, CornerLoad, add, halves
 from aoro_gym.twin.physics.crane import (
     CraneRecord,
     carried_by_frame,
     crane_motion,
+    held_log,
     joint_acceleration,
+    place_of_tip,
+    pushed,
+    slewed,
     tip_specific_force,
 )
 from aoro_gym.twin.physics.crane_oil import (
@@ -40,8 +44,10 @@ from aoro_gym.twin.physics.crane_oil import (
 )
 from aoro_gym.twin.physics.fluid import Oil, pressure
 from aoro_gym.twin.physics.friction import lag, presliding
+from aoro_gym.twin.physics.ground import ceiling, footing
 from aoro_gym.twin.physics.steering_circuit import Exchange, SteeringState
 from aoro_gym.twin.physics.steering_valve import metering
+from aoro_gym.twin.physics.tires import Hull, hull_contact
 from aoro_gym.twin.records import CRANE_OUTPUT_UNITS, CraneCommand, CraneRow, MachineRecord, State
 
 OUTPUTS = wp.constant(len(CRANE_OUTPUT_UNITS))
@@ -54,6 +60,8 @@ class FrameCrane:
     chain: CraneRecord
     oil: CraneHydraulics
     has_oil: int  # 0: torques from outside alone move the joints
+    has_contact: int  # whether the ground bears a log in the grapple
+    contact: Hull  # at each of the log's places
     folded_mass: float  # [kg] in the transport pose, which the front frame's mass includes
     folded_moment: wp.vec3  # [kg m] about the hinge's origin
     folded_inertia: wp.mat33  # [kg m²] about it
@@ -234,6 +242,43 @@ def move_crane(
 
 
 @wp.func
+def log_on_ground(
+    laws: Any, state: wp.array2d(dtype=float), t: int, terrain: Any, ground: Any, front: Half, h: float
+):  # fmt: skip
+    """What the ground does to the log of twin ``t`` in the middle of the step: at its lower side's ends and middle, each a
+    spring and damper with friction as a hull's corner."""
+    force = wp.vec3()
+    moment = wp.vec3()
+    number = t % laws.cranes.shape[0]
+    if laws.cranes[number].has_contact > 0 and state[CraneRow.HELD_MASS, t] > 0.0:
+        c = laws.cranes[number]
+        q = middle_joints(state, t, h)
+        rate = load4(state, int(CraneRow.RATE_SLEW), t) + 0.5 * h * load4(state, int(CraneRow.ACCELERATION_SLEW), t)
+        chain = held_chain(c, state, t)
+        tip, slopes = place_of_tip(chain, q)
+        along, below = held_log(chain, q[0])
+        for i in range(3):
+            point = tip + below + float(i - 1) * along
+            world = front.origin + front.rotation * point
+            if world[2] < ceiling(terrain, ground, world[0], world[1]):
+                under = footing(terrain, ground, world)
+                velocity = front.velocity + slopes * rate + slewed(rate[0], point - tip)
+                one = hull_contact(c.contact, under, front.rotation, front.origin, point, velocity, front.omega)
+                force += one
+                moment += wp.cross(point, one)
+    store3(state, int(CraneRow.GROUND_FORCE_X), t, force)
+    store3(state, int(CraneRow.GROUND_MOMENT_X), t, moment)
+
+
+@wp.func
+def log_on_covered_ground(
+    laws: Any, state: wp.array2d(dtype=float), t: int, terrain: Any, ground: Any, front: Half, h: float
+):  # fmt: skip
+    """As :func:`log_on_ground`, among objects, which do not touch it, or on soil, which is hard for it."""
+    log_on_ground(laws, state, t, terrain.ground, terrain.ground.twins[ground.twin], front, h)
+
+
+@wp.func
 def tree_with_crane(
     m: MachineRecord, laws: Any, state: wp.array2d(dtype=float), t: int, weight: wp.vec3, to_rear: wp.mat33,
     middle: Velocity, joint_torque: float, fl: CornerLoad, fr: CornerLoad, rl: CornerLoad, rr: CornerLoad,
@@ -248,7 +293,11 @@ def tree_with_crane(
     store4(state, int(CraneRow.FRICTION_SLEW), t, deflection)
     chain = held_chain(c, state, t)
     at = crane_motion(chain, q, rate, middle.angular)
-    torque = crane_torques(c, state, t, q, rate, deflection)
+    force = load3(state, int(CraneRow.GROUND_FORCE_X), t)
+    moment = load3(state, int(CraneRow.GROUND_MOMENT_X), t)
+    torque = crane_torques(c, state, t, q, rate, deflection) + pushed(at, chain.foot, force, moment)
+    at.carried.f -= force
+    at.carried.n -= moment
 
     omega_rear = to_rear * middle.angular - wp.vec3(0.0, 0.0, middle.joint)
     both = halves(
@@ -264,7 +313,7 @@ def tree_with_crane(
     linear = change.linear + wp.cross(middle.angular, middle.linear) - weight
     joints = joint_acceleration(at, torque, change.angular, linear)
     specific = tip_specific_force(at, joints, change.angular, linear)
-    state[CraneRow.TIP_LOAD, t] = (chain.grapple_mass + chain.held_mass) * wp.length(specific)
+    state[CraneRow.TIP_LOAD, t] = wp.length((chain.grapple_mass + chain.held_mass) * specific - force)
     move_crane(c, m, state, t, q, joints, h)
     return change
 
@@ -281,6 +330,7 @@ def record_crane_outputs(laws: Any, outputs: wp.array3d(dtype=float), frame: int
         outputs[frame, first + 12 + i, t] = pressure(oil, state[int(CraneRow.ANNULUS_SLEW) + i, t])
         outputs[frame, first + 16 + i, t] = state[int(CraneRow.FLOW_SLEW) + i, t]
     outputs[frame, first + 20, t] = state[CraneRow.TIP_LOAD, t]
+    outputs[frame, first + 21, t] = wp.length(load3(state, int(CraneRow.GROUND_FORCE_X), t))
 
 
 @wp.kernel(enable_backward=False)

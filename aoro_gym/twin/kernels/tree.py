@@ -9,7 +9,7 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.corners import HullLoads
+from aoro_gym.twin.kernels.corners import Half, HullLoads
 from aoro_gym.twin.kernels.state import Velocity
 from aoro_gym.twin.physics.bodies import CornerLoad, Halves, accelerate, add, halves
 from aoro_gym.twin.physics.load import LoadSolution, LoadState, drifted, load_inertia, moved_load
@@ -32,6 +32,14 @@ def tree(
         m.corner, both, weight, to_rear, middle.linear, middle.angular, middle.joint, joint_torque, fl, fr, rl, rr
     )
     return change
+
+
+@wp.func
+def further_contact(
+    laws: Any, state: wp.array2d(dtype=float), t: int, terrain: Any, ground: Any, front: Half, h: float
+):  # fmt: skip
+    """What the ground does to what only some machines have: a log in a crane; of this one nothing."""
+    return
 
 
 @wp.func

@@ -11,9 +11,10 @@ with a₀, α₀ what is left where ω̇, â and q̈ are zero (centripetal and C
     U_l = Σ m J_v,    U_a = Σ p × m J_v + I J_ω,    b = Σ J_vᵀ m a₀ + J_ωᵀ (I α₀ + Ω × I Ω),
 
 and with q̈ eliminated the frame feels an articulated inertia (Featherstone, *Rigid Body Dynamics Algorithms*, 2008, ch. 7).
-Gravity is in â = v̇ − g. Bodies: pillar, main boom, stick, extension, and the grapple as a point at the tip, which neither
-swings nor turns; a log that it holds hangs below, turns with the pillar and keeps its angle to it. Valid for rigid booms
-without friction. Units: m, kg, s, rad, N.
+Gravity is in â = v̇ − g. A force F at a place p of a log adds Jᵀ F to τ, and F and p × F to what the frame feels. Bodies:
+pillar, main boom, stick, extension, and the grapple as a point at the tip, which neither swings nor turns; a log that it
+holds hangs below, turns with the pillar and keeps its angle to it. Valid for rigid booms without friction. Units: m, kg, s,
+rad, N.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false
@@ -216,6 +217,45 @@ def stick_columns(foot: wp.vec3, lift: wp.vec3, fold: wp.vec3, to: wp.vec3, rais
     return columns(
         wp.cross(UPRIGHT, fold + to - foot), wp.cross(raising, fold + to - lift), wp.cross(raising, to), slide
     )
+
+
+@wp.func
+def place_of_tip(m: CraneRecord, q: wp.vec4):
+    """The tip [m] at joints ``q``, and its slopes with them."""
+    radial = wp.vec3(wp.cos(q[0]), wp.sin(q[0]), 0.0)
+    raising = wp.vec3(wp.sin(q[0]), -wp.cos(q[0]), 0.0)
+    boom = wp.cos(q[1]) * radial + wp.sin(q[1]) * UPRIGHT
+    stick = wp.cos(q[1] + q[2]) * radial + wp.sin(q[1] + q[2]) * UPRIGHT
+    lift = m.foot + m.lift_offset * radial + m.lift_height * UPRIGHT
+    fold = lift + m.boom_length * boom
+    to = (m.stick_length + q[3]) * stick
+    return fold + to, stick_columns(m.foot, lift, fold, to, raising, stick)
+
+
+@wp.func
+def held_log(m: CraneRecord, slew: float):
+    """Half of the log that is held along its axis [m], a cylinder by its moments of inertia (l²/12 = (I_t − I_a/2)/m, r² = 2
+    I_a/m), and the middle of its lower side from the tip."""
+    mass = wp.max(m.held_mass, 1.0e-6)
+    half = wp.sqrt(3.0 * wp.max(m.held_inertia_transverse - 0.5 * m.held_inertia_axial, 0.0) / mass)
+    radius = wp.sqrt(2.0 * m.held_inertia_axial / mass)
+    angle = slew + m.held_yaw
+    return half * wp.vec3(wp.cos(angle), wp.sin(angle), 0.0), -(m.held_drop + radius) * UPRIGHT
+
+
+@wp.func
+def slewed(rate: float, to: wp.vec3):
+    """Velocity [m/s] of a place of the log at ``to`` from the tip, beyond the tip's: the log slews at ``rate`` [rad/s]."""
+    return wp.cross(rate * UPRIGHT, to)
+
+
+@wp.func
+def pushed(at: CraneMotion, foot: wp.vec3, force: wp.vec3, moment: wp.vec3):
+    """Torques [N m] (N) on the joints of a ``force`` [N] on the log with a ``moment`` [N m] about the frame's origin, by
+    their power: the log slews, and goes with the tip otherwise."""
+    out = wp.transpose(at.tip_slopes) * force
+    out[0] = (moment - wp.cross(foot, force))[2]
+    return out
 
 
 @wp.func
