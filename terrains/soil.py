@@ -35,6 +35,7 @@ BOUNDS = {
     "k_0": (0.0, 1e12, "N/m^3"),
     "a_u": (0.0, 1e12, "N/m^4"),
     "unit_weight": (0.0, 3e4, "N/m^3"),
+    "slip_sinkage": (0.0, 1.0, ""),
 }
 
 PRESETS_FILE = Path(__file__).parent / "soils.toml"
@@ -83,6 +84,9 @@ class Soil:
     """Its rise with the sinkage [N/m⁴]."""
     unit_weight: ArrayLike = 17e3
     """γ [N/m³], for the push on a tire's flank."""
+    slip_sinkage: ArrayLike = 0.0
+    """Part [-] of Lyasko's slip sinkage: 0 none, 1 all of it, by which a wheel that slips by 20 % sinks 1.33 times as
+    deep."""
     cell: float = 0.1
     """Distance [m] of the nodes that remember the ruts, in [0.05, 0.2]."""
     name: str = "soil"

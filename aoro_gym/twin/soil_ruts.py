@@ -137,7 +137,18 @@ def device_records(soil: SoilParameters) -> npt.NDArray[Any]:
     """Records (num_variants,) of a soil on the device."""
     layout: Any = Soil.numpy_dtype()
     rows: Any = np.zeros(soil.num_variants, dtype=layout)
-    for name in ("k_c", "k_phi", "exponent", "mat", "cohesion", "shear_modulus", "k_0", "a_u", "tan_phi"):
+    for name in (
+        "k_c",
+        "k_phi",
+        "exponent",
+        "mat",
+        "cohesion",
+        "shear_modulus",
+        "k_0",
+        "a_u",
+        "tan_phi",
+        "slip_sinkage",
+    ):
         rows[name] = getattr(soil, name)
     rows["depth"] = soil.layer
     passive = np.tan(np.radians(45.0 + 0.5 * np.asarray(soil.friction_angle_deg)))

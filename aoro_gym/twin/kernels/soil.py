@@ -32,6 +32,7 @@ from aoro_gym.twin.physics.soil import (
     rut_depth,
     shear_step,
     sinkage_step,
+    slip_sinkage_factor,
     soil_friction,
     wheel_reaction,
 )
@@ -232,7 +233,8 @@ def leave_trace(ruts: Ruts, soil: Soil, twin: int, first: int, w: Patch, length:
         age = float(0.0)
         press(ruts, twin, w)
         deepest = wp.max(remembered(ruts, twin, w.x, w.y), w.sinkage)
-        ruts.wheels[first + RUT, twin] = rut_depth(soil, w.width, length, deepest)
+        dug = slip_sinkage_factor(soil, w.shear / length)
+        ruts.wheels[first + RUT, twin] = rut_depth(soil, w.width, length, dug, deepest)
     ruts.wheels[first + AGE, twin] = age
 
 

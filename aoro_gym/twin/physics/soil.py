@@ -6,6 +6,8 @@
 - Shear: Janosi and Hanamoto, τ = (c + p tan φ) (1 − exp(−j/K)).
 - Motion resistance: the horizontal part of the normal pressure on the wheel's arc, ∫ b p dz. For a rigid wheel on virgin
   soil that is Bekker's compaction resistance b (k_c/b + k_φ) z₀ⁿ⁺¹/(n + 1).
+- Slip sinkage, where a soil has it: Lyasko, a wheel that slips by s sinks κ = (1 + s)/(1 − s/2) times as deep under the
+  same pressure, p(z/κ) in place of p(z); a soil may have a part c of it, κ = (1 + c s)/(1 − c s/2).
 - Sideways: passive earth pressure on the sunk flank, ½ γ z² N_φ + 2 c z √N_φ a metre (Rankine).
 
 The tire is a circle that its load flattens: depth z(x) = min(z₀, D − R + √(R² − x²)) at x [m] ahead of the axle. D is the
@@ -13,10 +15,11 @@ depth of the unloaded circle under the undisturbed surface, z₀ that of its fla
 
 Sources: Bekker, *Introduction to Terrain-Vehicle Systems* (1969); Wong, *Theory of Ground Vehicles* (4th ed. 2008), chapter
 2, and *Terramechanics and Off-Road Vehicle Engineering* (2nd ed. 2010), chapters 4 and 5; Janosi and Hanamoto (1st Int.
-Conf. Terrain-Vehicle Systems, 1961); a raster that remembers: Krenn and Hirzinger, *SCM – a soil contact model for planetary
-rover mobility simulations* (2008). Recalled, not read again (R).
+Conf. Terrain-Vehicle Systems, 1961); Lyasko, *Slip sinkage effect in soil-vehicle mechanics* (J. Terramechanics 47, 2010,
+pp. 21–31), whose formula was read in open code that names it; a raster that remembers: Krenn and Hirzinger, *SCM – a soil
+contact model for planetary rover mobility simulations* (2008). Recalled, not read again (R).
 
-Left out: the vertical part of shear on the arc, slip sinkage, soil that the tire pushes ahead of it, lugs, rate of loading,
+Left out: the vertical part of shear on the arc, soil that the tire pushes ahead of it, lugs, rate of loading,
 and berms: all soil of a rut is taken as compacted.
 """
 
@@ -55,6 +58,7 @@ class Soil:
     a_u: float  # [N/m⁴]
     flank_cohesion: float  # [Pa] 2 c √N_φ
     flank_weight: float  # [N/m³] ½ γ N_φ
+    slip_sinkage: float  # [-] c: part of Lyasko's slip sinkage
 
 
 @wp.struct
@@ -112,17 +116,24 @@ def half_chord(radius: float, rise: float):
 
 
 @wp.func
-def virgin_pressure(s: Soil, width: float, length: float, sinkage: float):
+def slip_sinkage_factor(s: Soil, slip: float):
+    """κ = (1 + c s)/(1 − c s/2) [-] at a ``slip`` s [-]: 1 without slip, or of a soil without slip sinkage."""
+    part = s.slip_sinkage * wp.clamp(slip, 0.0, 1.0)
+    return (1.0 + part) / (1.0 - 0.5 * part)
+
+
+@wp.func
+def virgin_pressure(s: Soil, width: float, length: float, dug: float, sinkage: float):
     """Pressure [Pa] under a plate of ``width`` by ``length`` [m] at its first ``sinkage`` z [m], and its slope [Pa/m].
 
-    p = (k_c/b + k_φ) zⁿ + 4 m z²/D_h with D_h = 2 b ℓ/(b + ℓ), the hydraulic diameter of the plate, and 10⁸ N/m³ for each
-    metre below the soft layer.
+    p = (k_c/b + k_φ) (z/κ)ⁿ + 4 m (z/κ)²/D_h with D_h = 2 b ℓ/(b + ℓ), the hydraulic diameter of the plate, κ what the wheel
+    has ``dug`` by its slip (:func:`slip_sinkage_factor`), and 10⁸ N/m³ for each metre below the soft layer.
     """
-    z = wp.max(sinkage, 1.0e-6)
+    z = wp.max(sinkage, 1.0e-6) / dug
     bekker = (s.k_c / width + s.k_phi) * wp.pow(z, s.exponent)
     mat = 2.0 * s.mat * (width + length) / (width * length)
-    pressure = bekker + mat * z * z + FIRM * wp.max(z - s.depth, 0.0)
-    slope = s.exponent * bekker / z + 2.0 * mat * z + wp.where(z > s.depth, FIRM, 0.0)
+    pressure = bekker + mat * z * z + FIRM * wp.max(sinkage - s.depth, 0.0)
+    slope = (s.exponent * bekker / z + 2.0 * mat * z) / dug + wp.where(sinkage > s.depth, FIRM, 0.0)
     return pressure, slope
 
 
@@ -134,9 +145,10 @@ def unloading_modulus(s: Soil, pressure: float, deepest: float):
 
 
 @wp.func
-def soil_pressure(s: Soil, width: float, length: float, sinkage: float, deepest: float):
-    """Pressure [Pa] at a ``sinkage`` [m] of soil that was pressed to its ``deepest`` one before, and its slope [Pa/m]."""
-    pressure, slope = virgin_pressure(s, width, length, wp.max(sinkage, deepest))
+def soil_pressure(s: Soil, width: float, length: float, dug: float, sinkage: float, deepest: float):
+    """Pressure [Pa] at a ``sinkage`` [m] of soil that was pressed to its ``deepest`` one before, and its slope [Pa/m]; see
+    :func:`virgin_pressure`."""
+    pressure, slope = virgin_pressure(s, width, length, dug, wp.max(sinkage, deepest))
     if sinkage < deepest:
         slope = unloading_modulus(s, pressure, deepest)
         pressure -= slope * (deepest - sinkage)
@@ -147,9 +159,9 @@ def soil_pressure(s: Soil, width: float, length: float, sinkage: float, deepest:
 
 
 @wp.func
-def rut_depth(s: Soil, width: float, length: float, deepest: float):
-    """Depth [m] that stays when soil unloads: z_u − p_u/k_u."""
-    pressure, slope = virgin_pressure(s, width, length, deepest)  # noqa: RUF059
+def rut_depth(s: Soil, width: float, length: float, dug: float, deepest: float):
+    """Depth [m] that stays when soil unloads: z_u − p_u/k_u; see :func:`virgin_pressure`."""
+    pressure, slope = virgin_pressure(s, width, length, dug, deepest)  # noqa: RUF059
     return wp.max(deepest - pressure / unloading_modulus(s, pressure, deepest), 0.0)
 
 
@@ -166,11 +178,11 @@ def flank_pressure(s: Soil, z: float):
 
 
 @wp.func
-def bearing_arc(s: Soil, memory: Any, twin: int, w: Patch, length: float, end: float):
+def bearing_arc(s: Soil, memory: Any, twin: int, w: Patch, length: float, dug: float, end: float):
     """Half a chord [m] up to where soil bears on the arc whose ``end`` [m] lies ahead (behind, if negative) of the axle: up
     to its depth that stayed in a rut, as the soil remembers it there."""
     deepest = remembered(memory, twin, w.x + end * w.east, w.y + end * w.north)
-    kept = wp.min(rut_depth(s, w.width, length, deepest), w.sinkage)
+    kept = wp.min(rut_depth(s, w.width, length, dug, deepest), w.sinkage)
     return half_chord(w.radius, w.depth - kept)
 
 
@@ -187,8 +199,9 @@ def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
     flat = half_chord(w.radius, w.depth - w.sinkage)
     end = half_chord(w.radius, w.depth)
     out.length = wp.max(flat + end, 1.0e-3)
-    reach_ahead = bearing_arc(s, memory, twin, w, out.length, end)
-    reach_behind = bearing_arc(s, memory, twin, w, out.length, -end)
+    dug = slip_sinkage_factor(s, w.shear / out.length)  # J/ℓ is the slip, of the last contact length
+    reach_ahead = bearing_arc(s, memory, twin, w, out.length, dug, end)
+    reach_behind = bearing_arc(s, memory, twin, w, out.length, dug, -end)
     entry = wp.where(w.roll < 0.0, reach_behind, reach_ahead)
     points = int(POINTS)
     for i in range(points):
@@ -217,7 +230,7 @@ def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
             out.flank += weight * flank_pressure(s, z)
         z = wp.max(z, 0.0)
         deepest = remembered(memory, twin, w.x + place * w.east, w.y + place * w.north)
-        pressure, slope = soil_pressure(s, w.width, out.length, z, deepest)
+        pressure, slope = soil_pressure(s, w.width, out.length, dug, z, deepest)
         out.load += w.width * weight * pressure
         out.resistance += w.width * weight * pressure * ahead
         if i >= 8:

@@ -1,6 +1,8 @@
 """Pressure, sinkage, resistance and shear of soil against closed forms and SciPy's quadrature in float64."""
 
 # pyright: reportInvalidTypeForm=false, reportGeneralTypeIssues=false, reportArgumentType=false, reportCallIssue=false
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import warp as wp
@@ -47,10 +49,10 @@ def pressure_kernel(soil: wp.array(dtype=DeviceSoil), size: wp.array(dtype=wp.ve
                     deepest: wp.array(dtype=float), pressure: wp.array(dtype=float), slope: wp.array(dtype=float),
                     rut: wp.array(dtype=float)):  # fmt: skip
     i = wp.tid()
-    p, s = soil_pressure(soil[i], size[i][0], size[i][1], sinkage[i], deepest[i])
+    p, s = soil_pressure(soil[i], size[i][0], size[i][1], 1.0, sinkage[i], deepest[i])
     pressure[i] = p
     slope[i] = s
-    rut[i] = rut_depth(soil[i], size[i][0], size[i][1], deepest[i])
+    rut[i] = rut_depth(soil[i], size[i][0], size[i][1], 1.0, deepest[i])
 
 
 @wp.kernel(enable_backward=False)
@@ -230,6 +232,40 @@ def test_shear_strength_over_a_contact_is_janosis_integral():
     closed = WIDTH * 2.0 * one.flat * 2e5 * (1.0 - k / 0.04 * (1.0 - np.exp(-0.04 / k)))
     arcs = WIDTH * 2.0 * (one.end - one.flat) * 2e5
     assert np.ravel(out.grip)[0] == pytest.approx(closed, abs=arcs) and arcs < 0.05 * closed
+
+
+@pytest.mark.parametrize("part", [0.0, 0.4, 1.0])
+def test_a_wheel_that_slips_digs_itself_in_as_lyasko_says(part):
+    """Pressure at z is that at z/κ, κ = (1 + c s)/(1 − c s/2): without a mat and a layer that of a soil whose moduli are
+    κⁿ times less, whose integrals are known; the tire that bears its load there sinks as SciPy says. Without slip
+    sinkage the slip changes neither load nor resistance by a bit."""
+    soil = Soil.preset("sandy_loam", slip_sinkage=part)
+    depth, sinkage = 0.12, 0.05
+    virgin_soil = record(RutBehind, axle=0.0, deepest=0.0)
+    still = launch(wheel_kernel, device_records(soil), virgin_soil, patches([depth], [sinkage], 0.0))
+    for slip in (0.05, 0.2, 0.6):
+        kappa = (1.0 + part * slip) / (1.0 - 0.5 * part * slip)
+        n = soil.exponent
+        weaker = replace(soil, k_c=soil.k_c / kappa**n, k_phi=soil.k_phi / kappa**n)
+        one = contact(weaker, depth, sinkage)
+        one.shear = slip * one.length
+        out = launch(wheel_kernel, device_records(soil), virgin_soil, patches([depth], [sinkage], one.shear))
+        for key in ("load", "grip"):
+            found = float(np.ravel(getattr(out, key))[0])
+            assert found == pytest.approx(getattr(one.rule(), key), abs=2.0 * getattr(one.rounding(), key))
+        if part == 0.0:
+            assert out.load == still.load and out.resistance == still.resistance
+        stiffness = 3.4e5
+
+        def excess(z, weaker=weaker):
+            return contact(weaker, depth, z).exact.load - stiffness * (depth - z)
+
+        root = brentq(excess, 1e-3, depth - 1e-3)
+        one = contact(weaker, depth, root)
+        patch = patches([depth], [0.0], slip * one.length)
+        found = launch(sink_kernel, device_records(soil), virgin_soil, patch, np.array([stiffness]))
+        # the patch's shear is that of the contact at the root; dF/dz is more than the tire's stiffness
+        assert found[0] == pytest.approx(root, abs=(one.truncation().load + one.rounding().load) / stiffness + 1e-6)
 
 
 def test_shear_grows_to_slip_times_length_in_rolling_and_by_the_way_in_standing():
