@@ -32,8 +32,8 @@ from aoro_gym.sensors.gps import FIXED, FLOAT, NONE
 ENV, COUNT, SEED = "AORO/PathTracking-v1", 80, 7000
 STEP = 0.05
 """[s] of control."""
-EXPERT, UNTOLD = "expert", "expert without the truth"
-POLICIES = (EXPERT, UNTOLD, "preview", "preview-speed", "stanley", "limits-dagger")
+EXPERT, UNTOLD, FILTERED = "expert", "expert without the truth", "limits-filter-dagger"
+POLICIES = (EXPERT, UNTOLD, "preview", "preview-speed", "stanley", "limits-dagger", FILTERED)
 AFTER = (3.0, 6.0, 10.0)
 """Times without satellites [s] at which errors are told, each over a second."""
 
@@ -92,7 +92,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--episodes", type=int, default=160)
     asked = parser.parse_args(arguments)
     for name in asked.policies:
-        for localisation in LOCALISATIONS:
+        for localisation in LOCALISATIONS if name != FILTERED else ("filter",):
             succeeded, errors = driven(name, localisation, asked.episodes)
             rate = interval(np.array(succeeded, dtype=float), rate=True)
             said = f"{name}, {localisation}: {100 * rate.mean:.1f} % [{100 * rate.low95:.0f}, {100 * rate.high95:.0f}]"

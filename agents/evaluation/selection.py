@@ -15,18 +15,21 @@ MOST_EPISODES = 10_000
 """Of one evaluation."""
 
 
-def named_policies(env: str, asked: Sequence[str] | None, *, trust_pickle: bool = False) -> dict[str, Factory]:
+def named_policies(
+    env: str, asked: Sequence[str] | None, *, trust_pickle: bool = False, localisation: str | None = None
+) -> dict[str, Factory]:
     """Factories of policies, by their names in reports.
 
     Args:
         env: Id of the environment.
         asked: Names or files; None: all controllers and shipped policies.
         trust_pickle: Whether files that run code of their maker may be loaded.
+        localisation: How the pose is estimated; None: as environments do by default. Which shipped policies are all.
 
     Raises ValueError if there is no such environment or policy, or one is named twice; OSError if a file is missing.
     """
     check_choice("--env", env, TASKS)
-    names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env)]
+    names = asked or [*REFERENCE_POLICIES[env], *shipped_policies(env, localisation or "gains")]
     policies = {_label(name): policy_factory(env, name, trust_pickle=trust_pickle) for name in names}
     if len(policies) < len(names):
         twice = next(name for name in names if list(map(_label, names)).count(_label(name)) > 1)

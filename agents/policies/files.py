@@ -14,11 +14,22 @@ from aoro_gym.agents.policies.policy import LearnedPolicy
 SHIPPED = Path(__file__).parent
 
 
-def shipped_policies(environment: str) -> dict[str, Path]:
-    """The policies for an environment that come with the package, by name."""
+def shipped_policies(environment: str, localisation: str | None = None) -> dict[str, Path]:
+    """The policies for an environment that come with the package, by name.
+
+    Args:
+        environment: Its id.
+        localisation: Only those that learned with the pose estimated so: ``"gains"``, the default of environments, or
+            ``"filter"``; None: all.
+    """
     files = sorted(SHIPPED.glob("*.json"))
-    found = {file.stem: json.loads(file.read_text(encoding="utf-8"))["environment"] for file in files}
-    return {file.stem: file for file in files if found[file.stem] == environment}
+    found = {file.stem: json.loads(file.read_text(encoding="utf-8")) for file in files}
+    return {
+        name: SHIPPED / f"{name}.json"
+        for name, content in found.items()
+        if content["environment"] == environment
+        and localisation in (None, content["training"].get("localisation", "gains"))
+    }
 
 
 def load_policy(path: Path, *, trust_pickle: bool = False) -> LearnedPolicy:

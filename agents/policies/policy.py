@@ -172,6 +172,12 @@ class LearnedPolicy:
         Raises ValueError that says what it observes otherwise than this policy has learned.
         """
         env = env.unwrapped
+        learned, estimated = self.training.get("localisation"), getattr(env, "localisation", None)
+        if learned not in (None, estimated):
+            raise ValueError(
+                f"the policy has learned with localisation {learned!r}, but that of the environment is {estimated!r}; make "
+                f"it with localisation={learned!r}, or give --localisation {learned}"
+            )
         layout = dict(env.observation_layout)
         if self.layout and layout != dict(self.layout):
             raise ValueError(

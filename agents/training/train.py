@@ -207,6 +207,7 @@ def _policy(plan: TrainingPlan, learner: Learner, machine: Machine, steps: int) 
     """The policy as it is, with how it came about."""
     about = {"command": plan.command, "seed": plan.seed, "revision": revision(), "machine": machine.name}
     layout = dict(learner.envs.observation_layout)
+    about |= localised(plan.env, plan.localisation)
     return learner.policy(environment=plan.env, layout=layout, training={**about, "steps": steps})
 
 

@@ -111,7 +111,7 @@ def evaluate(
         from aoro_gym.envs.path_tracking.course_files import CourseFiles
 
         _check_files(out, logs)
-        policies = named_policies(env, policy, trust_pickle=trust_pickle)
+        policies = named_policies(env, policy, trust_pickle=trust_pickle, localisation=localisation)
         check_episodes(episodes, repeats)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
         chosen = options.load(run, draw=False, several=True)

@@ -119,6 +119,11 @@ class PathTrackingVectorEnv(TwinVectorEnv):
         library = as_courses(courses, terrain, path)
         super().__init__(self.task_type(library, config), num_envs, terrain=ground_of(library), **arguments)
 
+    @property
+    def localisation(self) -> str:
+        """How the pose is estimated, ``"gains"`` or ``"filter"``."""
+        return "filter" if isinstance(self.task.config.localisation, PoseFilterSettings) else "gains"
+
 
 class PathTrackingEnv(TwinEnv):
     """``gymnasium.make("AORO/PathTracking-v0")``: one vehicle on its path; see :class:`PathTrackingVectorEnv`."""

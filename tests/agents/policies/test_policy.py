@@ -303,7 +303,10 @@ def test_shipped_policies_go_by_their_name(tmp_path, monkeypatch):
 @pytest.mark.parametrize("file", sorted(SHIPPED.glob("*.json")), ids=lambda file: file.stem)
 def test_every_shipped_policy_acts_in_its_environment(file):
     policy = LearnedPolicy.load(file)
-    env = gymnasium.make_vec(policy.environment, num_envs=2)
+    localisation = policy.training.get("localisation")
+    env = gymnasium.make_vec(
+        policy.environment, num_envs=2, **({} if localisation is None else {"localisation": localisation})
+    )
     observations, _ = env.reset(seed=0)
     assert env.action_space.contains(policy.made_for(env)(observations))
     assert {"command", "seed", "revision"} <= set(policy.training)

@@ -10,6 +10,7 @@ from aoro_gym.agents.controllers.exact import EXACT, Informed
 from aoro_gym.agents.controllers.path_tracking import PreviewDriver, Vehicle
 from aoro_gym.agents.controllers.reference import reference_policy
 from aoro_gym.agents.evaluation.evaluate import policy_factory
+from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.envs import LimitTrackingVectorEnv, limit_config
 from aoro_gym.envs.limit_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
@@ -158,11 +159,21 @@ def test_a_controller_needs_what_it_was_made_for():
         reference_policy(ENV, "preview-speed", made(courses=[flat], act_arms=True))
 
 
-def test_the_policy_of_the_package_drives():
-    env = made()
-    policy = policy_factory(ENV, "limits-dagger")(env)
+@pytest.mark.parametrize(("name", "localisation"), [("limits-dagger", "gains"), ("limits-filter-dagger", "filter")])
+def test_policies_of_the_package_drive(name, localisation):
+    env = made(localisation=localisation)
+    policy = policy_factory(ENV, name)(env)
     observations, _ = env.reset(seed=3, options={"path": 0})
     for _ in range(80):
         observations, _, terminated, _, _ = env.step(policy(observations))
         assert not terminated.any()
     assert np.all(env.output("speed") > 1.5)
+
+
+def test_a_policy_that_learned_with_a_filter_needs_one():
+    assert list(shipped_policies(ENV, "gains")) == ["limits-dagger"]
+    assert list(shipped_policies(ENV, "filter")) == ["limits-filter-dagger"]
+    policy = policy_factory(ENV, "limits-filter-dagger")
+    with pytest.raises(ValueError, match=r"localisation 'filter', .*'gains'.* or give --localisation filter"):
+        policy(made())
+    policy(made(localisation="filter"))
