@@ -64,7 +64,6 @@ def load_logs(
         "sway_rms_deg": np.degrees(last["sway_rms"]),
         "largest_sway_deg": np.degrees(last["largest_sway"]),
         "return": runs.returns,
-        **runs.on_soil,
     }
     arrived = last["is_success"].astype(bool)
     metrics |= {name: np.where(arrived, values, np.nan) for name, values in metrics.items() if name in OVER}

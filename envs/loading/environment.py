@@ -54,6 +54,10 @@ class LoadingVectorEnv(TwinVectorEnv):
         **arguments: Any,
     ):
         check_keywords(type(self), arguments)
+        if arguments.get("soil") is not None:
+            raise ValueError(
+                "AORO/Loading-v0 is on hard ground, as cranes tell nothing of their valves on soil; drop soil"
+            )
         config = LoadingConfig() if config is None else config
         config = changed_config(config, reward_terms, observation_terms, randomisation, FURTHER_REWARD_TERMS)
         super().__init__(Loading(learned_sites() if courses is None else courses, config), num_envs, **arguments)

@@ -193,6 +193,7 @@ def test_logs_are_the_same_for_a_seed_and_parts_share_none():
     [
         (lambda: Loading([]), "courses are empty"),
         (lambda: LoadingVectorEnv(terrain=forest(1).terrain), "logs are loaded on level ground yet"),
+        (lambda: LoadingVectorEnv(soil="peat"), "AORO/Loading-v0 is on hard ground"),
         (lambda: LoadingConfig(sample_step=0.03), r"sample_step is 0.03 s, but must divide control_step = 0.1 s"),
         (lambda: LoadingConfig(crane=VehicleCrane(drive="torques")), "crane.drive is 'torques'"),
         (lambda: LoadingEnv().reset(options={"site": 8}), r"options\['site'\] is 8, but must be in \[0, 7\]"),
