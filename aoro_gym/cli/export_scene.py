@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude
-from aoro_gym.cli.place import StartOption, WorldOption, load_ground, put
+from aoro_gym.cli.place import CranePoseOption, StartOption, WorldOption, load_ground, posed_crane, put
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -34,19 +34,22 @@ def scene(
     terrain: TerrainOption = None,
     world: WorldOption = None,
     start: StartOption = None,
+    crane_pose: CranePoseOption = None,
     no_machine: WorldAloneOption = False,
     json_to: options.JsonOption = None,
     quiet: options.QuietOption = False,
 ) -> None:
     """Write world and machine as a binary glTF file (GLB), for a renderer that 'aoro-gym serve --poses' moves.
 
-    Every part of the machine is a node by its name, at rest where a twin stands: at --start, or on a world's free place.
-    A world's objects are a node a kind. Lengths are metres; below the node 'aoro' axes are x forward, y left, z up.
+    Every part of the machine is a node by its name, at rest where a twin stands: at --start, or on a world's free place;
+    with --crane-pose parts of the crane, too. A world's objects are a node a kind. Lengths are metres; below the node
+    'aoro' axes are x forward, y left, z up.
 
     [bold]Examples[/]
 
       aoro-gym export scene --out machine.glb
       aoro-gym export scene --world forest --start 3 4 90 --out scene.glb
+      aoro-gym export scene --crane-pose 40 35 -100 0.5 --out crane.glb
       aoro-gym export scene --terrain ground.ply --no-machine --out ground.glb
     """
     with checking_input():
@@ -64,21 +67,27 @@ def scene(
         ground = load_ground(terrain, world)
         if chosen is None and isinstance(ground, Plane):
             raise ValueError("--no-machine leaves nothing to draw; give --terrain or --world")
-        pose = None if chosen is None else _pose(chosen, ground, start)
+        pose = None if chosen is None else _pose(chosen, ground, start, crane_pose)
         with terminal.progress("writing triangles"):
             write_scene(out, chosen, pose, None if isinstance(ground, Plane) else ground)
     found = _nodes(out)
     conclude({"nodes": found}, [_table(found)], [out], json_to=json_to)
 
 
-def _pose(machine: Machine, ground: Plane | Terrain | World, start: tuple[float, float, float] | None) -> Pose:
-    """Of a twin at rest."""
+def _pose(
+    machine: Machine,
+    ground: Plane | Terrain | World,
+    start: tuple[float, float, float] | None,
+    crane: tuple[float, float, float, float] | None,
+) -> Pose:
+    """Of a twin at rest, its ``crane`` folded or with joints [deg, deg, deg, m]."""
     from aoro_gym.twin import Twin
     from aoro_gym.twin.poses import pose_of_state
 
-    twin = Twin(1, machine=machine, terrain=ground, threads=1)
+    vehicle = None if crane is None else posed_crane(crane)
+    twin = Twin(1, machine=machine, terrain=ground, crane=vehicle or False, threads=1)
     put(twin, machine, None, start)
-    return pose_of_state(twin.state.numpy()[:, 0])
+    return pose_of_state(twin.state.numpy()[:, 0], vehicle)
 
 
 def _nodes(file: Path) -> list[dict[str, Any]]:

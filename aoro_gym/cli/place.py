@@ -12,6 +12,7 @@ from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
     from aoro_gym.machine import Machine
+    from aoro_gym.machine.vehicle_crane import VehicleCrane
     from aoro_gym.terrains import Path as Line
     from aoro_gym.terrains import Plane, Terrain
     from aoro_gym.terrains.soil import Soil
@@ -35,6 +36,10 @@ SoilOption = Annotated[
     ),
 ]
 TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]
+CranePoseOption = Annotated[
+    tuple[float, float, float, float] | None,
+    option("--crane-pose", "DEG DEG DEG M", "Its slew, lift, fold and telescope at the start. Default: folded."),
+]
 StartOption = Annotated[
     tuple[float, float, float] | None,
     option("--start", "X Y DEG", "Or start here: hinge in m, heading from x to the left."),
@@ -81,6 +86,17 @@ def load_soil(name: str | None, world: Path | None, device: str = "cpu") -> Soil
         return Soil.named(name)
     except ValueError as error:
         raise ValueError(f"--{error}") from None
+
+
+def posed_crane(pose: tuple[float, float, float, float]) -> VehicleCrane:
+    """The crane that begins with the joints of --crane-pose [deg, deg, deg, m]."""
+    from aoro_gym.machine.vehicle_crane import VehicleCrane
+
+    slew, lift, fold = (math.radians(angle) for angle in pose[:3])
+    try:
+        return VehicleCrane(start=(slew, lift, fold, pose[3]))
+    except ValueError as error:
+        raise ValueError(f"--crane-pose: {error}") from None
 
 
 def bare(ground: Terrain | Plane | World) -> Terrain | Plane:

@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from aoro_gym.cli import options
 from aoro_gym.cli.options import option
 from aoro_gym.cli.outcome import checking_input, conclude, running
-from aoro_gym.cli.place import SoilOption, StartOption, WorldOption, load_ground, load_soil
+from aoro_gym.cli.place import (
+    CranePoseOption,
+    SoilOption,
+    StartOption,
+    WorldOption,
+    load_ground,
+    load_soil,
+    posed_crane,
+)
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
@@ -51,10 +59,6 @@ CraneOption = Annotated[
     bool,
     option("--crane", None, "A crane on the front frame whose joints move; there by itself where it is told to move."),
 ]
-PoseOption = Annotated[
-    tuple[float, float, float, float] | None,
-    option("--crane-pose", "DEG DEG DEG M", "Its slew, lift, fold and telescope at the start. Default: folded."),
-]
 HeldOption = Annotated[
     tuple[float, float, float] | None,
     option("--held", "KG M M", "Log in the crane's grapple: mass, length, diameter."),
@@ -78,7 +82,7 @@ def simulate(
     world: WorldOption = None,
     start: StartOption = None,
     crane: CraneOption = False,
-    crane_pose: PoseOption = None,
+    crane_pose: CranePoseOption = None,
     held: HeldOption = None,
     ideal: IdealOption = False,
     machine: options.MachineOption = options.MACHINE,
@@ -171,13 +175,7 @@ def _with_crane(
         return plan, False
     if device == SIMD:
         raise ValueError(f"--device is {SIMD}, where twins have no crane; take cpu")
-    if pose is None:
-        return plan, VehicleCrane(start=plan.crane_pose)
-    slew, lift, fold = (math.radians(angle) for angle in pose[:3])
-    try:
-        return plan, VehicleCrane(start=(slew, lift, fold, pose[3]))
-    except ValueError as error:
-        raise ValueError(f"--crane-pose: {error}") from None
+    return plan, VehicleCrane(start=plan.crane_pose) if pose is None else posed_crane(pose)
 
 
 def _tables(section: Section, twin: Twin) -> list[Any]:

@@ -67,6 +67,7 @@ PolicyOption = Annotated[
 EnvOption = Annotated[
     str | None, option("--env", "ID", f"Environment whose episodes they drive. Default: {options.TRACKING}.")
 ]
+CraneOption = Annotated[bool, option("--crane", None, "Cranes on the front frames, whose four sections have sliders.")]
 MachinesOption = Annotated[
     list[str] | None,
     option("--machine", "NAME|FILE", "Bundled machine, or a machine file. Repeatable: side by side. Default: aoro."),
@@ -80,6 +81,7 @@ def view(
     world: WorldOption = None,
     ground: GroundOption = "raster",
     soil: SoilOption = None,
+    crane: CraneOption = False,
     path: PathOption = None,
     track: TrackOption = None,
     start: StartOption = None,
@@ -124,9 +126,8 @@ def view(
       aoro-gym view
       aoro-gym view --terrain scan.ply --path lap.gpx --gamepad /dev/input/js0
       aoro-gym view before.csv after.csv
-      aoro-gym view --terrain scan.ply --lidar vlp-16
       aoro-gym view --world forest --lidar os1-64 --camera stereo
-      aoro-gym view --soil peat
+      aoro-gym view --soil peat --crane
       aoro-gym view --policy preview --policy stanley
       aoro-gym view --machine aoro --machine mine.toml
       aoro-gym view --set joint.compliance=1e-8 --no-browser --port 8090
@@ -138,7 +139,7 @@ def view(
         check_track(path, track)
         _check_together(logs, machine, path, start, policy)
         _check_sensors({"--lidar": lidar, "--camera": camera}, policy)
-        _check_used(policy, env, logs, start, soil)
+        _check_used(policy, env, logs, start, {"--soil": soil, "--crane": crane or None})
         check_one_ground(terrain, world)
         _check_gamepad(gamepad, logs, policy)
         names = machine or [options.MACHINE]
@@ -150,7 +151,7 @@ def view(
             line = None if path is None else load_line(path, track, bare(land))
             names = [log.stem for log in logs] if logs else names
             made_of = load_soil(soil, world)
-            twins = _replay(logs, machines) if logs else _twins(machines, land, (ground, made_of), line, start)
+            twins = _replay(logs, machines) if logs else _twins(machines, land, (ground, made_of, crane), line, start)
             page, run = _driven_by_hand(twins, names, (land, line, terrain), gamepad, (lidar, camera), port)
     _serve(page, run, no_browser, json_to)
 
@@ -191,11 +192,13 @@ def _check_used(
     env: str | None,
     logs: list[Path] | None,
     start: tuple[float, float, float] | None,
-    soil: str | None,
+    live: dict[str, str | bool | None],
 ) -> None:
-    """ValueError for options that would do nothing."""
-    if soil is not None and (logs or policies):
-        raise ValueError(f"--soil {soil} is that of a live twin, but a LOG or episodes are shown; drop one of them")
+    """ValueError for options that would do nothing; ``live``: those of a live twin, by their names."""
+    for name, value in live.items():
+        if value is not None and (logs or policies):
+            said = name if value is True else f"{name} {value}"
+            raise ValueError(f"{said} is that of a live twin, but a LOG or episodes are shown; drop one of them")
     if env is not None and not policies:
         raise ValueError(f"--env {env} has episodes that policies drive; name one with --policy, or drop --env")
     if logs and start is not None:
@@ -303,11 +306,12 @@ def _replay(logs: list[Path], machines: list[Machine]) -> Replay:
 def _twins(
     machines: list[Machine],
     land: Terrain | Plane | World,
-    felt: tuple[str, Soil | None],
+    felt: tuple[str, Soil | None, bool],
     line: Line | None,
     start: tuple[float, float, float] | None,
 ) -> LiveTwins:
-    """Twins of all machines at their start; ``felt``: how they feel the ``land``, and what it is made of."""
+    """Twins of all machines at their start; ``felt``: how they feel the ``land``, what it is made of, and whether they have
+    cranes."""
     from aoro_gym.twin import Twin
     from aoro_gym.view.live import LiveTwins
 
@@ -319,6 +323,7 @@ def _twins(
         terrain=land,
         ground=felt[0],
         soil=felt[1],
+        crane=felt[2],
         own_machines=True,
         carry_load=any(one.loaded for one in machines),
         choose_laws=chooses,

@@ -19,8 +19,8 @@ from scipy.spatial.transform import Rotation
 
 from aoro_gym.execution.files import write_bytes
 from aoro_gym.machine import Machine
-from aoro_gym.machine.kinematics import Kinematics, Pose, node_poses
-from aoro_gym.machine.solids import machine_solids
+from aoro_gym.machine.crane_solids import in_world, parts_of
+from aoro_gym.machine.kinematics import Placement, Pose
 from aoro_gym.terrains.colours import ground_colours, world_colours
 from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.terrains.world.objects import Kind
@@ -34,7 +34,7 @@ Y_UP = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 0.
 SUFFIX = ".glb"
 
 
-def matrix_of(place: tuple[Array, Array]) -> Array:
+def matrix_of(place: Placement | tuple[Array, Array]) -> Array:
     """(4, 4) of a translation and a quaternion w, x, y, z."""
     out = np.eye(4)
     out[:3, :3] = Rotation.from_quat(place[1], scalar_first=True).as_matrix()
@@ -64,12 +64,11 @@ def scene(machine: Machine | None, pose: Pose | None, ground: Terrain | World | 
         for name, mesh in _ground_meshes(ground).items():
             made.add_geometry(mesh, node_name=name, geom_name=name, parent_node_name=AXES)
     if machine is not None and pose is not None:
-        places = node_poses(Kinematics(machine), pose)
-        for name, solid in machine_solids(machine).items():
+        for name, (solid, placed) in parts_of(machine, pose).items():
             points, faces, shades = solid.triangles()
             mesh = _mesh(points, faces, _linear(shades))
             made.add_geometry(
-                mesh, node_name=name, geom_name=name, parent_node_name=AXES, transform=matrix_of(places[name])
+                mesh, node_name=name, geom_name=name, parent_node_name=AXES, transform=matrix_of(in_world(pose, placed))
             )
     return made
 

@@ -18,7 +18,8 @@ class TireForces:
 
     def __init__(self, twin: Twin):
         self._twin = twin
-        self._kernel = build(type(twin.ground)._cls, type(twin._laws)._cls)
+        self._laws = twin._laws.laws if twin.has_crane else twin._laws  # tires know no crane
+        self._kernel = build(type(twin.ground)._cls, type(self._laws)._cls)
         shape = (twin.num_twins, len(WHEELS))
         self._forces, self._feet = (wp.zeros(shape, dtype=wp.vec3, device=twin.device) for _ in range(2))
 
@@ -29,7 +30,7 @@ class TireForces:
             wp.launch(
                 self._kernel,
                 dim=(twin.num_twins, len(WHEELS)),
-                inputs=[twin.machines, twin._laws, twin.ground, twin.state, self._forces, self._feet, twin.main_step],
+                inputs=[twin.machines, self._laws, twin.ground, twin.state, self._forces, self._feet, twin.main_step],
                 device=twin.device,
                 block_dim=BLOCK_DIM,
             )

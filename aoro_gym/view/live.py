@@ -101,7 +101,8 @@ class LiveTwins:
     def poses(self) -> list[Pose]:
         """Where the machines are."""
         state = self.twin.state.numpy()
-        return [pose_of_state(state[:, i]) for i in range(len(self.machines))]
+        crane = self.twin.crane.vehicle if self.twin.has_crane else None
+        return [pose_of_state(state[:, i], crane) for i in range(len(self.machines))]
 
     def forces(self) -> tuple[Floats, Floats]:
         """Contact points [m] and forces [N] of all tires, (num_twins, 4, 3), of all twins; none on soil, where they are not

@@ -51,7 +51,7 @@ class LiveView:
         self._restart = False
         self.clock = TimeControls(server.gui, self._ask_restart)
         replay = isinstance(twins, Replay)
-        self.driving = None if replay else Driving(server.gui, driver)
+        self.driving = None if replay else Driving(server.gui, driver, crane=twins.twin.has_crane)
         self.gamepad = None if gamepad is None or replay else Gamepad(gamepad, self._press)
         self.changes = None if replay else Changes(server.gui, twins.machines, names)
         self.timeline = Timeline(server.gui, twins.duration, twins.seek) if replay else None

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from aoro_gym.recording.commands import WHEELS
+from aoro_gym.recording.commands import JOINTS, WHEELS
 from aoro_gym.units import BAR, DEGREE, RPM
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "4")
@@ -35,6 +35,11 @@ GAUGES: tuple[tuple[str, str, float, str, float, float], ...] = (
     ("left of path", "cross_track", 0.01, "cm", -50.0, 50.0),
     ("roll", "roll", DEGREE, "°", -30.0, 30.0),
     ("pitch", "pitch", DEGREE, "°", -30.0, 30.0),
+    ("slew", "crane_joint_slew", DEGREE, "°", -200.0, 200.0),
+    ("lift", "crane_joint_lift", DEGREE, "°", -30.0, 80.0),
+    ("fold", "crane_joint_fold", DEGREE, "°", -150.0, 0.0),
+    ("telescope", "crane_joint_telescope", 1.0, "m", 0.0, 1.7),
+    ("load cell", "crane_tip_load", 1e3, "kN", 0.0, 40.0),
 )
 CHART = (
     ("port A", "pressure_a", "#c8423b"), ("port B", "pressure_b", "#1f77b4"), ("pump 2", "pump_pressure", "#2a9d6f"),
@@ -114,9 +119,10 @@ class Driving:
     Args:
         gui: Of a server of viser.
         driver: What a controller in the place of the person is called; None: there is none.
+        crane: Whether there is a crane to move.
     """
 
-    def __init__(self, gui: Any, driver: str | None = None):
+    def __init__(self, gui: Any, driver: str | None = None, *, crane: bool = False):
         signal = {"min": -1.0, "max": 1.0, "step": 0.01, "initial_value": 0.0}
         with gui.add_folder("Drive"):
             self.driver = None if driver is None else gui.add_checkbox(f"driven by {driver}", True)
@@ -132,6 +138,10 @@ class Driving:
             for wheel in WHEELS:
                 share = {"min": 0.0, "max": 1.0, "step": 0.01, "initial_value": 1.0}
                 self._sliders[f"traction_{wheel}"] = gui.add_slider(f"traction {wheel}", **share)
+        if crane:
+            with gui.add_folder("Crane"):
+                for joint, way in zip(JOINTS, ("left +", "up +", "out +", "out +"), strict=True):
+                    self._sliders[f"crane_{joint}"] = gui.add_slider(f"{joint} ({way})", **signal)
         for label, key, name, change in (
             ("Faster forward", "W", "drive_signal", NOTCH), ("Slower, backward", "S", "drive_signal", -NOTCH),
             ("Stop", "X", "drive_signal", None), ("Steer left", "A", "steering_signal", NOTCH),

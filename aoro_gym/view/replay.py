@@ -10,20 +10,22 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from aoro_gym.machine import Machine
-from aoro_gym.machine.kinematics import Floats, Kinematics, Pose
-from aoro_gym.recording.commands import WHEELS
-from aoro_gym.recording.logs import TICK, read_log
+from aoro_gym.machine.kinematics import CranePose, Floats, Kinematics, Pose
+from aoro_gym.machine.vehicle_crane import VehicleCrane, size_of_log
+from aoro_gym.recording.commands import JOINTS, WHEELS
+from aoro_gym.recording.logs import QUANTITIES, TICK, read_log
 from aoro_gym.recording.tables import read_table
 from aoro_gym.sensors.attitude import quaternion_of
 from aoro_gym.simulation.log import field_unit
-from aoro_gym.twin.records import CHANNELS
+from aoro_gym.twin.records import CHANNELS, CRANE_OUTPUT_UNITS
 
 
 def log_channels(path: Path) -> tuple[Floats, dict[str, Floats]]:
     """Instants (F,) [s] from 0 on, and channels (F,) of a log in SI units: the simulator's own state where the log holds it,
     else the measured quantities alone. Raises ValueError as :func:`~aoro_gym.recording.logs.read_log`."""
     table = read_table(path)
-    columns = {channel: _column(channel) for channel in CHANNELS}
+    columns = {channel: _column(channel) for channel in (*CHANNELS, *CRANE_OUTPUT_UNITS)}
+    columns |= {name: (QUANTITIES[name].column, 1.0) for name in HELD}
     if columns["position_x"][0] not in table:
         log = read_log(path, purpose="a replay")
         time = np.arange(len(log.channels["joint_angle"]), dtype=np.float64) * TICK
@@ -36,6 +38,10 @@ def _column(channel: str) -> tuple[str, float]:
     """Column of the simulator's state, and the SI value of its unit."""
     unit, size = field_unit(channel)
     return f"true_{channel}_{unit}" if unit else f"true_{channel}", size
+
+
+HELD = ("crane_held_mass", "crane_held_yaw", "crane_held_axial", "crane_held_transverse")
+"""Commands that say what a crane's grapple holds."""
 
 
 class Recording:
@@ -59,10 +65,15 @@ class Recording:
         if "yaw" in self.channels:
             self.channels["yaw"] = np.unwrap(self.channels["yaw"])
         self._kinematics = Kinematics(machine)
+        self._vehicle = VehicleCrane()
 
     def reading(self, time: float) -> dict[str, float]:
-        """All channels at ``time`` [s], linear between the samples."""
-        return {name: float(np.interp(time, self.time, values)) for name, values in self.channels.items()}
+        """All channels at ``time`` [s], linear between the samples; what is held, as it was last."""
+        last = int(np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 1))
+        return {
+            name: float(values[last] if name in HELD else np.interp(time, self.time, values))
+            for name, values in self.channels.items()
+        }
 
     def pose(self, reading: Mapping[str, float]) -> Pose:
         """Where the machine is by a reading."""
@@ -76,7 +87,14 @@ class Recording:
             of("joint_angle"),
             tuple(of(f"arm_angle_{w}") for w in WHEELS),
             tuple(of(f"wheel_turn_{w}") for w in WHEELS),
+            self._crane_pose(reading) if "crane_joint_slew" in reading else None,
         )
+
+    def _crane_pose(self, reading: Mapping[str, float]) -> CranePose:
+        """How its crane stands by a reading, and what it holds, which changes from one sample to the next."""
+        mass, yaw, axial, transverse = (reading.get(name, 0.0) for name in HELD)
+        joints = tuple(reading[f"crane_joint_{joint}"] for joint in JOINTS)
+        return CranePose(self._vehicle, joints, yaw, size_of_log(mass, axial, transverse))
 
     def loads(self, reading: Mapping[str, float]) -> tuple[Floats, Floats]:
         """Lowest points of the wheels (4, 3) [m], and their loads as upright forces (4, 3) [N]."""

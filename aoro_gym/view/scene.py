@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine import Machine
-from aoro_gym.machine.kinematics import Floats, Kinematics, Pose
+from aoro_gym.machine.crane_solids import CRANE_NODES, HELD_LOG, crane_placed, crane_solids, log_solid
+from aoro_gym.machine.kinematics import CranePose, Floats, Kinematics, Pose
 from aoro_gym.machine.solid import Solid
-from aoro_gym.machine.solids import machine_solids
+from aoro_gym.machine.solids import front_frame, machine_solids
 from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.colours import ground_colours, world_colours
 from aoro_gym.terrains.world.world import World
@@ -46,21 +47,38 @@ class MachineNodes:
 
     def __init__(self, scene: Any, name: str, machine: Machine, tint: tuple[float, float, float] | None = None):
         self.kinematics = Kinematics(machine)
-        base = f"{WORLD}/{name}"
-        self._base = scene.add_frame(base, show_axes=False)
-        self._parts = {
-            part: scene.add_mesh_trimesh(f"{base}/{part}", _mesh(solid, tint))
-            for part, solid in machine_solids(machine).items()
-        }
+        self._scene, self._name, self._machine, self._tint = scene, f"{WORLD}/{name}", machine, tint
+        self._base = scene.add_frame(self._name, show_axes=False)
+        self._parts = {part: self._part(part, solid) for part, solid in machine_solids(machine).items()}
+        self._log: tuple[float, float] | None = None
         self._radius = float(machine.tire.radius)
         self._arrows = scene.add_arrows(
             f"{WORLD}/{name}_forces", np.zeros((0, 2, 3)), (30, 110, 220),
             shaft_radius=0.04, head_radius=0.1, head_length=0.18,
         )  # fmt: skip
 
+    def _part(self, part: str, solid: Solid) -> Any:
+        return self._scene.add_mesh_trimesh(f"{self._name}/{part}", _mesh(solid, self._tint))
+
+    def _have_crane(self, crane: CranePose) -> None:
+        """Make the parts of a crane whose joints move, in place of the folded one, and of the log that it holds."""
+        if CRANE_NODES[0] not in self._parts:
+            self._parts["front_frame"].remove()
+            solids = {"front_frame": front_frame(self._machine, folded=False), **crane_solids(crane.vehicle)}
+            self._parts |= {part: self._part(part, solid) for part, solid in solids.items()}
+        if crane.log != self._log:
+            if self._log is not None:
+                self._parts.pop(HELD_LOG).remove()
+            if crane.log is not None:
+                self._parts[HELD_LOG] = self._part(HELD_LOG, log_solid(*crane.log))
+            self._log = crane.log
+
     def show(self, pose: Pose) -> None:
         """Move it, all its parts, to ``pose``."""
         placed = self.kinematics.placed(pose.joint, pose.arms, pose.wheels)
+        if pose.crane is not None:
+            self._have_crane(pose.crane)
+            placed |= crane_placed(pose.crane)
         self._base.position, self._base.wxyz = pose.position, pose.wxyz
         for name, handle in self._parts.items():
             handle.position, handle.wxyz = placed[name]
