@@ -86,6 +86,27 @@ def test_roles_are_refused_and_not_chosen():
     assert not Twin(crane=True).by_roles
 
 
+def test_a_step_and_a_marked_reset_stay_on_the_device(monkeypatch):
+    """As graphs of CUDA that are recorded need: nothing is read back or written from the host."""
+    twin = Twin(2, crane=True)
+    twin.crane.grasp(180.0, 4.0, 0.26)
+    twin.step(MOVE, 0.1)
+    marked = twin.start_memory[0]
+    marked.assign([True, False])
+
+    def refuse(*_, **__):
+        raise AssertionError("the host was asked")
+
+    with monkeypatch.context() as patched:
+        for name in ("numpy", "assign", "list"):
+            patched.setattr(wp.array, name, refuse)
+        twin.advance(0.1)
+        twin.reset_marked()
+    assert twin.crane.held_mass.tolist() == [0.0, 180.0]
+    np.testing.assert_allclose(twin.crane.joints[:, 0], VehicleCrane().start_joints, atol=1e-6)
+    np.testing.assert_allclose(twin.time, [0.0, 0.2])
+
+
 # kernels of their own
 
 

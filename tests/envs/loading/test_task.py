@@ -75,6 +75,25 @@ def test_a_closed_grapple_at_the_log_holds_it_and_the_twin_bears_it():
     assert env.twin.crane.held_mass[0] == 0.0
 
 
+def test_tensors_are_what_arrays_are_and_a_step_asks_the_host_once(monkeypatch):
+    """To the bit; once a step for who is done, as every environment does, which a GPU waits for."""
+    torch = pytest.importorskip("torch")
+    arrays, tensors = LoadingVectorEnv(3), LoadingVectorEnv(3, output="torch")
+    assert np.array_equal(arrays.reset(seed=3)[0], tensors.reset(seed=3)[0].numpy())
+    rng, read, asked = np.random.default_rng(0), torch.Tensor.numpy, []
+    for step in range(8):
+        action = rng.uniform(-1.0, 1.0, (3, 6)).astype(np.float32)
+        there = torch.tensor(action)
+        with monkeypatch.context() as patched:
+            patched.setattr(torch.Tensor, "numpy", lambda self, *a, **k: asked.append(1) or read(self, *a, **k))
+            for name in ("item", "tolist", "__bool__", "__float__", "__int__", "__array__"):
+                patched.setattr(torch.Tensor, name, lambda *_, **__: pytest.fail("the host was asked"))
+            found = tensors.step(there)
+        assert len(asked) == step + 1
+        for array, tensor in zip(arrays.step(action)[:4], found[:4], strict=True):
+            assert np.array_equal(array, tensor.numpy())
+
+
 @pytest.mark.parametrize(
     ("start", "turned"),
     [
