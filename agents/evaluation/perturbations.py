@@ -22,7 +22,7 @@ from aoro_gym.diagnosis.nuisances import Nuisances
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.effects.effect import MachineEffect, Magnitude
 from aoro_gym.machine import Machine
-from aoro_gym.machine.laws import Laws, drawn_laws, draws
+from aoro_gym.machine.laws import DRAWN_LAST, Laws, drawn_laws, draws
 
 Perturbation = Callable[[Machine, Sequence[int]], Machine]
 """Gives a machine with one variant a seed."""
@@ -114,6 +114,7 @@ def with_drawn_laws(
     if perturb is unperturbed:
         return found
     own = [entry for entry in machine.entries.values() if entry.role == "law"]
+    own.sort(key=lambda entry: entry.key in DRAWN_LAST)
     values, (low, high) = np.array([entry.value for entry in own]), np.array([entry.range for entry in own]).T
     rows = np.array([rng.uniform(values + 0.5 * (low - values), values + 0.5 * (high - values)) for rng in generators])
     return found.set({entry.key: rows[:, i] for i, entry in enumerate(own)}, check_ranges=False)

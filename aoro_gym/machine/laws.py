@@ -157,6 +157,15 @@ class Laws:
             bulldozing="tire.bulldozing_resistance",
         ),
     )
+    # arms
+    arm_valve: Choice = field(
+        default=0,
+        metadata=_law(
+            "How an arm's valve section keeps its flow.",
+            "ideal section",
+            section="arm.valve.compensator_time_constant arm.valve.compensator_open_drop",
+        ),
+    )
     # driveline
     second_gear: Choice = field(
         default=0, metadata=_law("Which axle's motors second gear halves; third gear halves all.", "rear front")
@@ -252,6 +261,7 @@ FAMILIES: Mapping[str, Mapping[str, str]] = {
         "flow_force": "steady",
         "compensator": "spring_mass",
         "shock_valve": "lag",
+        "arm_valve": "section",
         "pump": "second_order",
         "load_sensing_line": "volume",
         "gas": "adiabatic",
@@ -298,8 +308,12 @@ DRAWS = ("families", "any")
 """What may be drawn from beside named families: all of them, or an option of every law on its own."""
 
 
-DRAWN_APART = ("second_gear",)
-"""Laws that a generator of their own draws, as they came later: what else a seed draws stays as it was."""
+DRAWN_APART: tuple[str, ...] = ("second_gear", "arm_valve")
+"""Laws that generators of their own draw, as they came later: what else a seed draws stays as it was."""
+
+
+DRAWN_LAST = frozenset(key for law in DRAWN_APART for keys in LAWS[law].parameters.values() for key in keys)
+"""Their parameters, for the same reason drawn after all others."""
 
 
 def draws(which: str | None) -> bool:
@@ -312,12 +326,9 @@ def drawn_laws(which: str | Sequence[str], count: int, rng: np.random.Generator)
     """Laws of ``count`` machines: of families drawn with equal chance, given as a sequence or with commas between them,
     ``"families"`` for all of them; or, if ``"any"``, an option of every law drawn on its own."""
     if which == "any":
-        apart = rng.spawn(1)[0]
+        apart = dict(zip(DRAWN_APART, rng.spawn(len(DRAWN_APART)), strict=True))
         return Laws(
-            **{
-                name: (apart if name in DRAWN_APART else rng).integers(len(options), size=count)
-                for name, options in OPTIONS.items()
-            }
+            **{name: apart.get(name, rng).integers(len(options), size=count) for name, options in OPTIONS.items()}
         )
     names = _families(which)
     return Laws.stacked([family(names[i]) for i in rng.integers(len(names), size=count)], [1] * count)

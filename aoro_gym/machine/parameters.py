@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_integer, check_range
-from aoro_gym.machine.laws import Laws, drawn_laws, family
+from aoro_gym.machine.laws import DRAWN_LAST, Laws, drawn_laws, family
 from aoro_gym.machine.machine_file import PAYLOAD, Parameter, naming, read_machine, write_machine
 from aoro_gym.machine.pile import MOST_LOGS
 from aoro_gym.machine.quantities import UNITS, Declaration, Quantity, as_quantity, with_unit
@@ -271,6 +271,7 @@ class Machine:
         rng = np.random.default_rng(seed)
         machine = self if laws is None else self.with_laws(**drawn_laws(laws, count, rng).names)
         uncertain = [entry for entry in self.entries.values() if entry.role in ("nuisance", "both", "law")]
+        uncertain.sort(key=lambda entry: entry.key in DRAWN_LAST)
         values = np.array([entry.value for entry in uncertain], dtype=np.float64)[:, None]
         ends = np.array([entry.range for entry in uncertain])
         low = values + parameters * np.minimum(ends[:, :1] - values, 0.0)

@@ -212,6 +212,8 @@ class ArmValve:
 
     nominal_flow: Quantity = positive("m^3/s")
     pressure_drop: Quantity = positive("Pa")  # over the open edge, kept by the compensator
+    compensator_time_constant: Quantity = positive("s")  # law arm_valve = section
+    compensator_open_drop: Quantity = positive("Pa")  # law arm_valve = section: fully open at nominal_flow
     dead_band: Quantity = within("1", 0.0, 1.0, high_open=True)
     time_constant: Quantity = positive("s")
     rate_limit: Quantity = positive("1/s")
@@ -226,6 +228,11 @@ class ArmValve:
     def cv(self) -> Quantity:
         """Orifice constant of an open edge [m³/s/√Pa]."""
         return _orifice(self.nominal_flow, self.pressure_drop)
+
+    @property
+    def cv_compensator(self) -> Quantity:
+        """Orifice constant of the open compensator [m³/s/√Pa]."""
+        return _orifice(self.nominal_flow, self.compensator_open_drop)
 
 
 @section

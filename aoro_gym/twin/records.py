@@ -17,7 +17,7 @@ from aoro_gym.machine.laws import OPTIONS
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.machine.quantities import Quantity
 from aoro_gym.recording.commands import COMMAND_BOUNDS, CRANE_COMMAND_BOUNDS, JOINTS, WHEELS
-from aoro_gym.twin.physics.arms import Arm
+from aoro_gym.twin.physics.arms import Arm, ArmValve
 from aoro_gym.twin.physics.bodies import Corner, FrameBody
 from aoro_gym.twin.physics.driveline import Driveline
 from aoro_gym.twin.physics.engine import Engine
@@ -57,6 +57,7 @@ class MachineRecord:
     varies_laws: int  # whether any law may differ from the default one
     # last what a main step by the default laws does not need: laws of the steering at its end, load, rest pose
     steering: Steering
+    arm_valve: ArmValve
     payload: Payload
     rest: Rest
 
@@ -106,9 +107,9 @@ State = _rows(
         *("forward", "back", *_each("hose"), "charge", "drive_swash", "shift_front", "shift_rear", *_each("traction")),
         # engine
         *("engine_speed", "governor", "engine_torque"),
-        # what only some laws of the steering circuit have
+        # what only some laws of the steering circuit and of the arms have
         *("spool_rate", "compensator_rate", "pump_valve", "shock_a", "shock_b", "hose_strain_a", "hose_strain_b"),
-        *("hose_a", "hose_b", "hose_flow_a", "hose_flow_b"),
+        *("hose_a", "hose_b", "hose_flow_a", "hose_flow_b", *_each("arm_compensator")),
     ],
 )
 

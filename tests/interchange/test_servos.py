@@ -42,7 +42,7 @@ def pressed(
     friction[0, 1] = cylinder_drag(m.steering, g)
     for i in range(2):
         arm = arm_geometry(m.arm, rest[1 + 3 * i], 0.0)
-        chambers = ArmState(rest[2 + 3 * i], rest[3 + 3 * i])
+        chambers = ArmState(rest[2 + 3 * i], rest[3 + 3 * i], 0.0)
         out[1 + i, 0] = arm_oil_torque(m.oil, arm, chambers)
         out[1 + i, 1] = arm_oil_torque(m.oil, arm, arm_displace(m.arm, m.oil, arm, turn, chambers))
         friction[1 + i, 0] = arm_seal_capacity(m.arm, m.oil, arm, chambers, SLIDING)

@@ -51,8 +51,8 @@ def move_oil_in_turn(
     for substep in range(num_substeps):
         tell_pressures(board, t, steering)
         q, begun = steering_flows(m.steering, m.oil, steering.spool_demand, steering.circuit, dt)
-        fl, fr = arms_flow(m, board, 0, t, front)
-        rl, rr = arms_flow(m, board, 1, t, rear)
+        fl, fr = arms_flow(m, board, 0, t, front, dt)
+        rl, rr = arms_flow(m, board, 1, t, rear, dt)
         steering = steering_fills(m, steering, q, begun, arms_exchange(board, t), substep, dt)
         front = arms_fill(m, front, fl.bore, fl.rod, fr.bore, fr.rod, dt)
         rear = arms_fill(m, rear, rl.bore, rl.rod, rr.bore, rr.rod, dt)

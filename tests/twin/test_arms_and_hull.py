@@ -254,3 +254,20 @@ def test_the_belly_carries_what_the_wheels_do_not(machine):
                     height = kinematics.hinge[2] + (kinematics.rotation[:, :, half] @ corner)[2]
                     deep += max(-height, 0.0)
         assert machine.hull.stiffness * deep == pytest.approx(hull[case], rel=1e-3)
+
+
+def test_dynamic_sections_lift_as_far_as_ideal_ones(machine):
+    """Arms at 60 % of their signal by either law of ``arm_valve``: from 0.3 s on they swing as fast, within the 1 % that a
+    supply which still rings by a quarter of its margin leaves of the mean; the compensators throttle, and the margin stands.
+    """
+    twin = Twin(2, machine=machine.with_laws(arm_valve=["ideal", "section"]))
+    log = drive(twin, (0.5, {}), (0.3, all_wheels("arm", 0.6)), (0.9, {}), sample_every=1e-3)
+    swung = log.wheels("arm_angle")[-1] - log.wheels("arm_angle")[-900]
+    assert np.all(swung < -0.15)
+    np.testing.assert_allclose(swung[:, 1], swung[:, 0], rtol=0.01)
+    over = (log["pump_pressure"] - log["ls_pressure"])[-900:].mean(axis=0)
+    np.testing.assert_allclose(over, machine.steering.pump.margin, rtol=0.03)
+    opened = states(twin)[[State[f"ARM_COMPENSATOR_{wheel.upper()}"] for wheel in WHEELS]]
+    assert np.all((opened[:, 1] > 0.1) & (opened[:, 1] < 0.9))
+    resting = drive(twin, (3.0, all_wheels("arm", 0.0)), sample_every=0.1)
+    assert np.ptp(resting.wheels("arm_angle")[-10:], axis=0).max() < 1e-3

@@ -229,7 +229,7 @@ def test_every_parameter_of_a_law_belongs_to_an_option(machine):
 def test_parameters_of_a_law_show_where_it_is_chosen(machine, chosen):
     law, option = chosen
     other = machine.with_laws(**{law: option}).set(WITH.get(chosen, {}))
-    best = strength(other, OF_LAWS[chosen], (soft if law == "soft_ground" else steer,))
+    best = strength(other, OF_LAWS[chosen], ({"soft_ground": soft, "arm_valve": lift}.get(law, steer),))
     assert all(value > SEEN for value in best.values()), best
 
 

@@ -234,14 +234,18 @@ def hydraulics(
     for substep in range(num_substeps):
         supply = pressure(oil, steering.supply)
         tank = pressure(oil, steering.tank_line)
-        flows_fl = arm_flows(m.arm, oil, g.fl, arm_rate[0], supply, tank, fl)
-        flows_fr = arm_flows(m.arm, oil, g.fr, arm_rate[1], supply, tank, fr)
-        flows_rl = arm_flows(m.arm, oil, g.rl, arm_rate[2], supply, tank, rl)
-        flows_rr = arm_flows(m.arm, oil, g.rr, arm_rate[3], supply, tank, rr)
+        flows_fl = arm_flows(m.arm, m.arm_valve, oil, g.fl, arm_rate[0], supply, tank, fl, dt)
+        flows_fr = arm_flows(m.arm, m.arm_valve, oil, g.fr, arm_rate[1], supply, tank, fr, dt)
+        flows_rl = arm_flows(m.arm, m.arm_valve, oil, g.rl, arm_rate[2], supply, tank, rl, dt)
+        flows_rr = arm_flows(m.arm, m.arm_valve, oil, g.rr, arm_rate[3], supply, tank, rr, dt)
         fl = arm_fill(m.arm, oil, gas_fl, g.fl, fl, flows_fl.bore, flows_fl.rod, dt)
+        fl.compensator = flows_fl.compensator
         fr = arm_fill(m.arm, oil, gas_fr, g.fr, fr, flows_fr.bore, flows_fr.rod, dt)
+        fr.compensator = flows_fr.compensator
         rl = arm_fill(m.arm, oil, gas_rl, g.rl, rl, flows_rl.bore, flows_rl.rod, dt)
+        rl.compensator = flows_rl.compensator
         rr = arm_fill(m.arm, oil, gas_rr, g.rr, rr, flows_rr.bore, flows_rr.rod, dt)
+        rr.compensator = flows_rr.compensator
         exchange = Exchange()
         exchange.supply_flow = flows_fl.drawn + flows_fr.drawn + flows_rl.drawn + flows_rr.drawn
         exchange.tank_flow = flows_fl.returned + flows_fr.returned + flows_rl.returned + flows_rr.returned

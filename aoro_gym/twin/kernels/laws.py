@@ -43,6 +43,7 @@ def with_laws(laws: DefaultLaws, m: MachineRecord):
     out.tire.swivel_law = 0
     out.tire.slip_law = 0
     out.tire.soft_ground_law = 0
+    out.arm_valve.arm_valve_law = 0
     out.driveline.second_gear_law = 0
     return out
 

@@ -141,8 +141,8 @@ def reset(
     rod = m.arm.rod_rest_pressure
     bore = stand.bore_pressure
     circuits = Circuits(
-        steering, mount, ArmState(bore[0], rod), ArmState(bore[1], rod), ArmState(bore[2], rod), ArmState(bore[3], rod),
-        idle_driveline(m.driveline, m.oil, m.engine.set_speed),
+        steering, mount, ArmState(bore[0], rod, 1.0), ArmState(bore[1], rod, 1.0), ArmState(bore[2], rod, 1.0),
+        ArmState(bore[3], rod, 1.0), idle_driveline(m.driveline, m.oil, m.engine.set_speed),
     )
     actuators = Actuators(0.0, zero, 0.0, 1.0, 1.0, ones)
     engine = idle_engine(m, circuits.driveline.charge, steering.swash)

@@ -254,13 +254,26 @@ def store_mount(state: wp.array2d(dtype=float), t: int, mount: MountState):
 @wp.func
 def load_arm(state: wp.array2d(dtype=float), i: int, t: int):
     """Oil of arm ``i`` (fl, fr, rl, rr)."""
-    return ArmState(state[int(State.ARM_BORE_FL) + i, t], state[int(State.ARM_ROD_FL) + i, t])
+    return ArmState(state[int(State.ARM_BORE_FL) + i, t], state[int(State.ARM_ROD_FL) + i, t], 0.0)
+
+
+@wp.func
+def load_compensator(state: wp.array2d(dtype=float), i: int, t: int, arm: ArmState):
+    """``arm`` with the compensator of arm ``i``, which only dynamic sections have."""
+    out = arm
+    out.compensator = state[int(State.ARM_COMPENSATOR_FL) + i, t]
+    return out
 
 
 @wp.func
 def store_arm(state: wp.array2d(dtype=float), i: int, t: int, arm: ArmState):
     state[int(State.ARM_BORE_FL) + i, t] = arm.bore
     state[int(State.ARM_ROD_FL) + i, t] = arm.rod
+
+
+@wp.func
+def store_compensator(state: wp.array2d(dtype=float), i: int, t: int, arm: ArmState):
+    state[int(State.ARM_COMPENSATOR_FL) + i, t] = arm.compensator
 
 
 @wp.func
@@ -301,6 +314,11 @@ def load_circuits(state: wp.array2d(dtype=float), t: int, varies_laws: int):
     circuits.fr = load_arm(state, 1, t)
     circuits.rl = load_arm(state, 2, t)
     circuits.rr = load_arm(state, 3, t)
+    if varies_laws > 0:
+        circuits.fl = load_compensator(state, 0, t, circuits.fl)
+        circuits.fr = load_compensator(state, 1, t, circuits.fr)
+        circuits.rl = load_compensator(state, 2, t, circuits.rl)
+        circuits.rr = load_compensator(state, 3, t, circuits.rr)
     circuits.driveline = load_loop(state, t)
     return circuits
 
@@ -359,6 +377,11 @@ def store_state(
     store_arm(state, 1, t, circuits.fr)
     store_arm(state, 2, t, circuits.rl)
     store_arm(state, 3, t, circuits.rr)
+    if varies_laws > 0:
+        store_compensator(state, 0, t, circuits.fl)
+        store_compensator(state, 1, t, circuits.fr)
+        store_compensator(state, 2, t, circuits.rl)
+        store_compensator(state, 3, t, circuits.rr)
     store_loop(state, t, circuits.driveline)
     store_engine(state, t, engine)
 
@@ -395,6 +418,7 @@ def rest(
         + steering.law.hose_strain_b + steering.law.hose_a + steering.law.hose_b + steering.law.hose_flow_a
         + steering.law.hose_flow_b + circuits.fl.bore + circuits.fl.rod + circuits.fr.bore + circuits.fr.rod
         + circuits.rl.bore + circuits.rl.rod + circuits.rr.bore + circuits.rr.rod + wp.length(actuators.arm_spools)
+        + circuits.fl.compensator + circuits.fr.compensator + circuits.rl.compensator + circuits.rr.compensator
         + loop.forward + loop.back + loop.wheel_fl + loop.wheel_fr + loop.wheel_rl + loop.wheel_rr
         + actuators.drive_swash + actuators.shift_front + actuators.shift_rear + wp.length(actuators.traction)
         + engine.integral + engine.torque

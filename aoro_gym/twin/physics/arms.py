@@ -1,4 +1,12 @@
-"""The pendulum arms' cylinders: proportional section with an ideal compensator, and load-holding valves.
+"""The pendulum arms' cylinders: proportional section with a compensator, and load-holding valves.
+
+By default the compensator is ideal: the edge's drop is its setting, or what supply and load leave. By the law ``arm_valve``
+= ``section`` it is that of the steering section, in series with the edge, with its lag and its stops
+(:func:`~aoro_gym.twin.physics.steering_valve.compensator_step`): a supply that jumps passes through until it has closed. At
+rest both pass the same flow, C √Δp_set, wherever it is not fully open; where it is, the open compensator takes its part of
+the drop. With a lag of 2 to 10 ms supply and load hunt for each other under pump 2's first-order control, as load-sensing
+systems may (Krus, *On Load Sensing Fluid Power Systems*, 1988). The spool follows its signal by a lag within its rate limit
+either way.
 
 Positive command extends the cylinder: the wheel goes down, the frame up. Machine section ``arm``.
 """
@@ -7,8 +15,13 @@ Positive command extends the cylinder: the wheel goes down, the frame up. Machin
 import warp as wp
 
 from aoro_gym.twin.physics.cylinders import Linkage, cylinder_extension
-from aoro_gym.twin.physics.fluid import Gas, Oil, fill_chamber, free_gas, orifice, pressure, relief_valve
+from aoro_gym.twin.physics.fluid import Gas, Oil, fill_chamber, free_gas, inverse_root, orifice, pressure, relief_valve
 from aoro_gym.twin.physics.friction import dry_friction, end_stop, seal_friction
+from aoro_gym.twin.physics.laws import option
+from aoro_gym.twin.physics.steering_circuit import Steering
+from aoro_gym.twin.physics.steering_valve import compensator_step
+
+DYNAMIC_SECTION = option("arm_valve", "section")
 
 
 @wp.struct
@@ -48,9 +61,20 @@ class Arm:
 
 
 @wp.struct
+class ArmValve:
+    """What only the law ``arm_valve`` needs of an arm's valve section."""
+
+    arm_valve_law: int  # by the numbers of aoro_gym.machine.laws
+    pressure_drop: float  # [Pa] setting of the compensator
+    compensator_time_constant: float  # [s] full stroke under an excess of one setting
+    cv_compensator: float  # [m³/s/√Pa] fully open
+
+
+@wp.struct
 class ArmState:
     bore: float  # [Pa] content
     rod: float  # [Pa] content
+    compensator: float  # [-] 0 (closed) … 1 (open), of dynamic sections
 
 
 @wp.struct
@@ -144,6 +168,7 @@ def arm_fill(
     out = ArmState()
     out.bore = fill_chamber(oil, gas.bore, s.bore, bore_flow, dt, g.volume_bore, m.hose_compliance, mid_bore)
     out.rod = fill_chamber(oil, gas.rod, s.rod, rod_flow, dt, g.volume_rod, m.hose_compliance, mid_rod)
+    out.compensator = s.compensator
     return out
 
 
@@ -156,11 +181,25 @@ class ArmFlows:
     drawn: float  # from the pump
     returned: float  # to the return line
     load: float  # [Pa]
+    compensator: float  # [-] of a dynamic section after the substep
 
 
 @wp.func
-def arm_flows(m: Arm, oil: Oil, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState):
-    """Flows of one arm's valve in the state ``s``; a closed one passes nothing at all."""
+def arm_compensator_step(v: ArmValve, y: float, available: float, ratio: float, dt: float):
+    """Compensator opening after ``dt`` [s] by the steering section's law, with a spring that does not stiffen and sensing at
+    the port; ``available`` [Pa] is the drop over compensator and edge, ``ratio`` edge over open compensator."""
+    section = Steering()
+    section.valve_compensator_pressure = v.pressure_drop
+    section.valve_compensator_time_constant = v.compensator_time_constant
+    return compensator_step(section, y, available, ratio, 0.0, dt)
+
+
+@wp.func
+def arm_flows(
+    m: Arm, v: ArmValve, oil: Oil, g: ArmGeometry, rate: float, supply: float, tank: float, s: ArmState, dt: float
+):
+    """Flows of one arm's valve in the state ``s``, and its compensator after a substep of ``dt`` [s]; a closed one passes
+    nothing at all."""
     lam = oil.laminar_pressure
     p_b = pressure(oil, s.bore)
     p_r = pressure(oil, s.rod)
@@ -170,18 +209,29 @@ def arm_flows(m: Arm, oil: Oil, g: ArmGeometry, rate: float, supply: float, tank
     q.bore = -relief_b - g.displacement_bore * rate
     q.rod = -relief_r - g.displacement_rod * rate
     q.returned = relief_b + relief_r
+    available = float(0.0)
+    ratio = float(0.0)
     if g.opening != 0.0:
         cv = wp.abs(g.opening) * m.valve_cv
         extend = g.opening > 0.0
         p_in = wp.where(extend, p_b, p_r)
         p_out = wp.where(extend, p_r, p_b)
-        drawn = orifice(cv, wp.clamp(supply - p_in, 0.0, m.valve_pressure_drop), lam)
+        drawn = float(0.0)
+        if v.arm_valve_law == DYNAMIC_SECTION:
+            available = wp.max(supply - p_in, 0.0)
+            ratio = cv / v.cv_compensator
+            share = s.compensator * inverse_root(wp.max(s.compensator * s.compensator + ratio * ratio, 1.0e-12))
+            drawn = orifice(cv * share, available, lam)
+        else:
+            drawn = orifice(cv, wp.clamp(supply - p_in, 0.0, m.valve_pressure_drop), lam)
         out = load_holding(m, p_out, p_in) * orifice(cv, wp.max(p_out - tank, 0.0), lam)
         q.drawn = drawn
         q.returned += out
         q.load = p_in
         q.bore += wp.where(extend, drawn, -out)
         q.rod += wp.where(extend, -out, drawn)
+    if v.arm_valve_law == DYNAMIC_SECTION:
+        q.compensator = arm_compensator_step(v, s.compensator, available, ratio, dt)
     return q
 
 

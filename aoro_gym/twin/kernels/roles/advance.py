@@ -126,9 +126,11 @@ def move_arms(
     x = arms_begin(m, board, 2 * pair, lane, signal_left, signal_right, h)
     for _ in range(num_substeps):
         wait_for_pressures()
-        left, right = arms_flow(m, board, pair, lane, x)
+        left, right = arms_flow(m, board, pair, lane, x, dt)
         flows_are_told()
         x = arms_fill(m, x, left.bore, left.rod, right.bore, right.rod, dt)
+        x.left.compensator = left.compensator
+        x.right.compensator = right.compensator
     arms_end(m, board, 2 * pair, lane, x, 1.0 / float(num_substeps))
 
 

@@ -14,12 +14,14 @@ from aoro_gym.twin.kernels.roles.board import BORNE, DRAWN, LOAD_ROWS, OIL_ARM, 
 from aoro_gym.twin.kernels.state import (
     load_actuators,
     load_arm,
+    load_compensator,
     load_loop,
     load_mount,
     load_steering,
     load_velocity,
     store4,
     store_arm,
+    store_compensator,
     store_loop,
     store_mount,
     store_steering,
@@ -261,6 +263,9 @@ def arms_begin(
     x.g_right = chambers_of_arm(m, board, i + 1, lane, signal_right, h)
     x.left = load_arm(board, i, lane)
     x.right = load_arm(board, i + 1, lane)
+    if m.varies_laws > 0:
+        x.left = load_compensator(board, i, lane, x.left)
+        x.right = load_compensator(board, i + 1, lane, x.right)
     x.gas_left = arm_gas(m.oil, x.left)
     x.gas_right = arm_gas(m.oil, x.right)
     x.rate_left = board[int(State.ARM_RATE_FL) + i, lane]
@@ -271,12 +276,13 @@ def arms_begin(
 
 
 @wp.func
-def arms_flow(m: MachineRecord, board: wp.array2d(dtype=float), pair: int, lane: int, x: ArmsRole):
-    """Flows of both arms from the pressures that steering told, and what they are told of them in turn."""
+def arms_flow(m: MachineRecord, board: wp.array2d(dtype=float), pair: int, lane: int, x: ArmsRole, dt: float):
+    """Flows of both arms over a substep of ``dt`` [s] from the pressures that steering told, and what it is told of them in
+    turn."""
     supply = pressure(m.oil, board[State.SUPPLY, lane])
     tank = pressure(m.oil, board[State.TANK_LINE, lane])
-    left = arm_flows(m.arm, m.oil, x.g_left, x.rate_left, supply, tank, x.left)
-    right = arm_flows(m.arm, m.oil, x.g_right, x.rate_right, supply, tank, x.right)
+    left = arm_flows(m.arm, m.arm_valve, m.oil, x.g_left, x.rate_left, supply, tank, x.left, dt)
+    right = arm_flows(m.arm, m.arm_valve, m.oil, x.g_right, x.rate_right, supply, tank, x.right, dt)
     board[DRAWN + pair, lane] = left.drawn + right.drawn
     board[RETURNED + pair, lane] = left.returned + right.returned
     board[BORNE + pair, lane] = wp.max(left.load, right.load)
@@ -306,6 +312,9 @@ def arms_end(m: MachineRecord, board: wp.array2d(dtype=float), i: int, lane: int
     board[row + LOAD_ROWS, lane] = share * (x.sum_right - 0.5 * last_right)
     store_arm(board, i, lane, x.left)
     store_arm(board, i + 1, lane, x.right)
+    if m.varies_laws > 0:
+        store_compensator(board, i, lane, x.left)
+        store_compensator(board, i + 1, lane, x.right)
 
 
 # ---- driveline ------------------------------------------------------------------------------------------------------
