@@ -150,6 +150,10 @@ def choose_laws(
     folds = folds_of(comparison.recordings)
     screened = _screened(comparison, candidates, folds, keys, pinned, 1 if quick else SCREENING_STEPS, folder)
     order = sorted(screened, key=lambda one: _score(one.blocks))
+    for place, one in enumerate(order[:FINALISTS]):
+        comparison.work.expect(
+            {f"final {place} fold {k}": _full_work(len(one.space.keys), len(folds)) for k in range(len(folds))}
+        )
     finals: dict[str, tuple[Floats, float]] = {}
     for place, one in enumerate(() if quick else order[:FINALISTS]):
         finals[one.name] = _full(comparison, one, folds, place, folder)
@@ -182,10 +186,16 @@ def phases(free: int, families: int, folds: int, *, quick: bool) -> dict[str, fl
     steps = 1 if quick else SCREENING_STEPS
     again = (folds * (free + 1) + 1) * (steps - 1)
     screening = {f"family {n}": free + 1.0 + again + steps * folds * (len(BOXES) + 1.0) for n in range(families)}
-    share = 1.0 if folds < 2 else (folds - 1.0) / folds
-    one = USUAL_STEPS * (free + 1.0 + len(BOXES) + 1.0) * share
-    full = {f"final {n} fold {k}": one for n in range(min(FINALISTS, families)) for k in range(folds)}
+    full = {
+        f"final {n} fold {k}": _full_work(free, folds) for n in range(min(FINALISTS, families)) for k in range(folds)
+    }
     return screening | ({} if quick else full)
+
+
+def _full_work(free: int, folds: int) -> float:
+    """Work that a full fit without one of the folds is expected to take, in machines that repeat all logs."""
+    share = 1.0 if folds < 2 else (folds - 1.0) / folds
+    return USUAL_STEPS * (free + 1.0 + len(BOXES) + 1.0) * share
 
 
 def ratio_interval(best: Floats, other: Floats, seed: int = 0) -> tuple[float, float]:

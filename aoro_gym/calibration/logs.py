@@ -100,11 +100,10 @@ def calibrate_logs(
         "ensemble": ensemble, "starts": starts, "population": population, "seed": seed, "device": device,
     }  # fmt: skip
     pinned = [ENGINE_SPEED] if any(r.manifest.engine_speed_rpm for r in recordings) else []
-    expected = _phases(len(keys or searchable(machine)), starts, population, ensemble)
-    if families:
-        size = len(keys or searchable(machine)), len(families), len(folds_of(recordings))
-        expected = phases(*size, quick=quick) | expected
-    comparison = Comparison(recordings, device, Work(progress, expected))
+    search = _Search(starts, population, QUICK_STEPS if quick else MOST_STEPS, ensemble, seed, folder)
+    free = len(keys or searchable(machine))
+    expected = phases(free, len(families), len(folds_of(recordings)), quick=quick) if families else {}
+    comparison = Comparison(recordings, device, Work(progress, expected | search.phases(free)))
     with resumable(folder, inputs, restart=restart, accept_code_change=accept_code_change) as accepted:
         chosen = None
         if families:
@@ -113,7 +112,6 @@ def calibrate_logs(
             )
             machine = chosen.machine
         uncertain = list(keys or searchable(machine))
-        search = _Search(starts, population, QUICK_STEPS if quick else MOST_STEPS, ensemble, seed, folder)
         found = _fitted(comparison, machine, [key for key in uncertain if key not in pinned], search)
         found.report.update(
             ({} if chosen is None else {"laws": chosen.report}), seed=seed, accepted_code_changes=accepted,
@@ -134,6 +132,41 @@ class _Search:
     seed: int
     folder: Path | None
 
+    def phases(self, free: int) -> dict[str, float]:
+        """Work that is expected of each phase with so many ``free`` parameters, in machines that repeat all logs."""
+        start = float(min(USUAL_STEPS, self.steps) * (free + 1 + len(BOXES) + 1))
+        return {
+            "sensitivity": free + 1.0,
+            "population": float(self.population),
+            **{f"start {index + 1}": start for index in range(self.starts)},
+            "intervals": free + 2.0,
+            **({"ensemble": float(CANDIDATES)} if self.ensemble else {}),
+        }
+
+
+def times_one_family(
+    machine: Machine,
+    recordings: Sequence[FilteredLog],
+    families: int,
+    *,
+    ensemble: int = 0,
+    starts: int = 2,
+    population: int = 64,
+) -> float:
+    """How many times the work of one family's calibration a choice among several and its calibration are expected to be.
+
+    Args:
+        machine: Start of the search.
+        recordings: Logs that it is calibrated to.
+        families: How many there are to choose from.
+        ensemble: Further machines that fit as well.
+        starts: Searches that are refined.
+        population: Machines of the first population.
+    """
+    free = len(searchable(machine))
+    one = sum(_Search(starts, population, MOST_STEPS, ensemble, 0, None).phases(free).values())
+    return 1.0 + sum(phases(free, families, len(folds_of(recordings)), quick=False).values()) / one
+
 
 def _fitted(comparison: Comparison, machine: Machine, uncertain: Sequence[str], search: _Search) -> Calibration:
     """The machine of the best fit to all logs, over those of the ``uncertain`` parameters that they feel."""
@@ -141,7 +174,7 @@ def _fitted(comparison: Comparison, machine: Machine, uncertain: Sequence[str], 
     space = Space(machine, list(compress(uncertain, identifiable)))
     if not space.keys:
         raise ValueError("no parameter that may change shows in the logs; the machine hardly moves in them")
-    comparison.work.expect(_phases(len(space.keys), search.starts, search.population, search.ensemble))
+    comparison.work.expect(search.phases(len(space.keys)))
     fits = least_squares_fit(
         comparison.residuals(space), space.point(), prior_weight=1.0, starts=search.starts, population=search.population,
         seed=search.seed, max_iterations=search.steps,
@@ -151,17 +184,6 @@ def _fitted(comparison: Comparison, machine: Machine, uncertain: Sequence[str], 
     found = _found(comparison, space, fits, search.ensemble, search.seed)
     found.report.update(not_felt=list(compress(uncertain, ~identifiable)))
     return found
-
-
-def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str, float]:
-    """Work that is expected of each phase with so many ``free`` parameters, in machines that repeat all logs."""
-    return {
-        "sensitivity": free + 1.0,
-        "population": float(population),
-        **{f"start {index + 1}": float(USUAL_STEPS * (free + 1 + len(BOXES) + 1)) for index in range(starts)},
-        "intervals": free + 2.0,
-        **({"ensemble": float(CANDIDATES)} if ensemble else {}),
-    }
 
 
 def _found(comparison: Comparison, space: Space, fits: Sequence[Fit], ensemble: int, seed: int) -> Calibration:

@@ -262,7 +262,7 @@ def calibrate(
     pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as steering_signal,
     joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say most. Logs choose the
     family of laws, too: the one that best predicts logs that it was not fitted to. That takes some four times as long as one
-    family (--laws NAME); --quick takes a fifth of it for a look.
+    family (--laws NAME); --quick takes a fifth of it for a look, and --device cpu:simd is several times as fast.
 
     --procedure: the published procedure on LOGs, by what their commands are. Slow ramps to one side give its dead band, full
     turns at three levels or more its nominal flow, openings and pressure drop, straight drives at --drive-speed with both
@@ -294,13 +294,13 @@ def calibrate(
             if value is not None:
                 check_integer(f"--{option}", value, ge=least)
         check_output(out, logs or [])
+        sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
         chosen = options.load(options.run_spec(machine, set_, scale, device, seed, laws=_fixed_laws(laws, use_logs)))
         if use_logs:
-            fit = _fit_to_logs(chosen, logs or [], laws, quick=quick)
+            fit = _fit_to_logs(chosen, logs or [], laws, sizes | {"ensemble": ensemble}, device, quick=quick)
         else:
             fit = _fit_without_choice(chosen, logs or [], drive_speed, hold_published=hold_published, quick=quick)
 
-    sizes = {name: n for name, n in (("starts", starts), ("population", population)) if n is not None}
     report, written = _calibrate(
         fit, out, force=force, ensemble=ensemble, seed=seed, device=device, restart=restart,
         accept_code_change=accept_code_change, goes_on="the same command begins anew" if procedure else GOES_ON, **sizes,
@@ -356,14 +356,23 @@ def _families(laws: str | None, machine: Machine) -> list[str]:
     return names
 
 
-def _fit_to_logs(machine: Machine, logs: list[Path], laws: str | None, *, quick: bool) -> Callable[..., Calibration]:
-    """What calibrates to logs that can be read, with laws that they choose."""
-    from aoro_gym.calibration.logs import calibrate_logs
+def _fit_to_logs(
+    machine: Machine, logs: list[Path], laws: str | None, sizes: dict[str, int], device: str, *, quick: bool
+) -> Callable[..., Calibration]:
+    """What calibrates to logs that can be read, with laws that they choose; says first what the choice costs."""
+    from aoro_gym.calibration.logs import calibrate_logs, times_one_family
     from aoro_gym.calibration.recordings import read_filtered_log
 
     families = _families(laws, machine)
-    for path in logs:
-        read_filtered_log(path)
+    recordings = [read_filtered_log(path) for path in logs]
+    if len(families) > 1 and not quick and not terminal.is_quiet():
+        times = times_one_family(machine, recordings, len(families), **sizes)
+        terminal.err().print(
+            f"choosing among {len(families)} families of laws takes some {times:.1f} times as long as calibrating one; "
+            "--laws NAME fixes it, --quick takes a look"
+            + (", --device cpu:simd is several times as fast" if device == "cpu" else ""),
+            highlight=False,
+        )  # fmt: skip
     return partial(calibrate_logs, machine, logs, families=families, quick=quick)
 
 

@@ -64,4 +64,6 @@ def _span(quantity: str, values: np.ndarray) -> str:
     assert unit is not None
     words = {"rad per s": "rad/s", "deg": "°"}.get(unit.symbol, unit.symbol)
     low, high = np.min(values) / unit.factor, np.max(values) / unit.factor
+    least = 1e-6 * max(abs(low), abs(high))  # what is left of a zero in a sum of floats is one
+    low, high = (0.0 if abs(one) < least else one for one in (low, high))
     return f"{low:.4g} to {high:.4g} {words}"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.calibration.choice import BLOCK, families_of, folds_of, is_apart, phases, ratio_interval, searchable
-from aoro_gym.calibration.logs import calibrate_logs
+from aoro_gym.calibration.logs import calibrate_logs, times_one_family
 from aoro_gym.calibration.recordings import EVERY, read_filtered_log
 from aoro_gym.calibration.report import tables
 from aoro_gym.machine import Machine
@@ -121,3 +121,12 @@ def test_a_look_costs_a_fraction():
     """Of the work that is told beforehand."""
     whole, look = (sum(phases(75, 5, 3, quick=quick).values()) for quick in (False, True))
     assert look < 0.15 * whole
+
+
+def test_what_a_choice_costs_beside_one_family(start, tmp_path):
+    """Three logs: 5 screenings of 2 Jacobians a fold, the first one shared, so 4 of them, and 6 full fits of 8 Jacobians of
+    two thirds of the logs, beside 2 searches of 8 Jacobians, one that says what the logs feel, and one of the intervals."""
+    one = read_filtered_log(logs_of(tmp_path, start)[0])
+    jacobians = (5 * 4 + 6 * 8 * 2 / 3) / (2 * 8 + 1 + 1)
+    assert times_one_family(start, [one] * 3, 5) == pytest.approx(1.0 + jacobians, rel=0.05)
+    assert times_one_family(start, [one] * 3, 2) < times_one_family(start, [one] * 3, 5)

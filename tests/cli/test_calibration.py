@@ -199,6 +199,11 @@ def test_calibrate_on_logs(turn, tmp_path, quick):
     assert shown.exit_code == 0, shown.output
     options = {"ensemble": 0, "seed": 0, "device": "cpu", "families": list(FAMILIES), "quick": False}
     assert quick.calibrated == [("logs", "aoro", [turn[0]] * 2, options)]
+    said = " ".join(shown.stderr.split())
+    assert "choosing among 5 families of laws takes some 2.7 times" in said, (
+        "what the choice costs is said before it begins"
+    )
+    assert "--laws NAME fixes it, --quick takes a look, --device cpu:simd" in said
     assert shown.stdout.startswith("fits: [/x] 1\n")
     for text in ("a.b", "1 - 3", "not identified", "residuals: 1.50", "leaning on a bound of its range: none"):
         assert text in shown.stdout
@@ -232,6 +237,7 @@ def test_laws_that_are_named_are_kept_or_chosen_from(turn, tmp_path, quick, monk
     shown = call("calibrate", "--logs", turn[0], "--laws", laws, "--quick", "--out", tmp_path / "mine.toml")
     assert shown.exit_code == 0, shown.output
     assert seen == [(family(machine).names, families, True)]
+    assert "choosing" not in shown.stderr
 
 
 def test_laws_that_there_are_not_are_refused(turn):

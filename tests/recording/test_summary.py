@@ -1,5 +1,7 @@
 """What `aoro-gym diagnose --check` says: what was read, in which units, what is missing and what is not read."""
 
+from pathlib import Path
+
 import numpy as np
 from typer.testing import CliRunner
 
@@ -34,6 +36,16 @@ def test_check_says_what_was_read_and_writes_nothing(tmp_path, monkeypatch):
     ):
         assert text in shown.stdout
     assert [path.name for path in tmp_path.iterdir()] == ["good.csv"]
+
+
+def test_what_a_sum_of_floats_leaves_of_zero_is_zero(tmp_path):
+    path = tmp_path / "zero.csv"
+    lines = Path(log(path)).read_text(encoding="utf-8").splitlines()
+    cells = [line.split(",") for line in lines]
+    cells[10][3] = "1e-12"
+    path.write_text("\n".join(map(",".join, cells)) + "\n", encoding="utf-8")
+    shown = CliRunner().invoke(app, ["diagnose", "--check", str(path)])
+    assert "pressure_a: pressure_a_kPa, in kPa, 0 to 80.21 bar" in shown.stdout
 
 
 def test_check_of_a_log_that_is_refused_ends_with_2_after_all_were_read(tmp_path, monkeypatch):
