@@ -60,7 +60,7 @@ def stepwise(folder: Path, settings: DatasetSettings, device: str, most: int) ->
     plan, watch = Plan(folder, settings, device=device), Watch()
     numbers = plan.numbers(0)[:most]
     with watch.step("forest"):
-        site = Site(settings, 0, None, None, device)
+        site = Site(settings, 0, None, None, device, len(numbers))
     for first in range(0, len(numbers), plan.together):
         with watch.step("place and light"):
             ready = set_up([Wanted(site, number) for number in numbers[first : first + plan.together]])

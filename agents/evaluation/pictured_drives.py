@@ -11,13 +11,16 @@ from aoro_gym.agents.controllers.path_tracking import PurePursuit, Vehicle
 from aoro_gym.agents.evaluation.drives import drive_to_ends
 from aoro_gym.envs.path_tracking.courses import Course, generated_paths
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
+from aoro_gym.recording.commands import WHEELS
 from aoro_gym.sensors.dataset.drives import Drive
 from aoro_gym.sensors.lidar import Motion
 from aoro_gym.terrains import Path
 from aoro_gym.terrains.world.world import World
 
-CHANNELS = ("time", "x", "y", "z", "roll", "pitch", "yaw")
-"""Of a drive that a sensor's motion is made of."""
+POSTURE = ("joint_angle", *(f"{part}_{wheel}" for part in ("arm", "wheel") for wheel in WHEELS))
+"""Of a drive that the machine's posture is made of."""
+CHANNELS = ("time", "x", "y", "z", "roll", "pitch", "yaw", *POSTURE)
+"""Of a drive that a sensor's motion is made of, and that."""
 LENGTHS = (40.0, 25.0, 15.0)
 """[m] of a path that is planned where none is given: the longest one that there is room for."""
 
@@ -45,7 +48,8 @@ def drive_along(world: World, path: Path | None, seed: int, tell: Callable[[floa
     rows = {name: values[0, : 1 + int(drives.steps[0])] for name, values in drives.data.items()}
     position = np.column_stack([rows[axis] for axis in "xyz"])
     motion = Motion(rows["time"] - rows["time"][0], position, rows["roll"], rows["pitch"], rows["yaw"])
-    return Drive(motion, course.paths[0].points, drives.endings[0])
+    posture = np.column_stack([rows[name] for name in POSTURE])
+    return Drive(motion, course.paths[0].points, drives.endings[0], posture)
 
 
 def planned(world: World, seed: int) -> Path:

@@ -134,7 +134,7 @@ class StereoCamera:
         """
         return self.rendering.truth(self._view(motion, float(motion.time[0]) if start is None else start, (0,)))
 
-    def view(self, motion: Motion, start: float | None, number: int, cameras: int) -> View:
+    def view(self, motion: Motion, start: float | None, number: int, cameras: int, lit: int = 0) -> View:
         """What is rendered of a motion, checked but for whether a camera lies in something.
 
         Args:
@@ -142,11 +142,15 @@ class StereoCamera:
             start: Time [s] of the motion at which the first row's exposure begins; None: its first.
             number: Of the picture.
             cameras: 1, the left one, or 2.
+            lit: See :class:`Request`.
         """
         check_integer("number", number, ge=0)
         worlds = motion.position.shape[1]
-        if worlds > self.scene.num_worlds:
-            raise ValueError(f"the motion is of {worlds} worlds, but the scene has {self.scene.num_worlds}")
+        if worlds + lit > self.scene.num_worlds:
+            behind = f", {lit} behind the first," if lit else ""
+            raise ValueError(
+                f"the motion is of {worlds} worlds{behind or ','} but the scene has {self.scene.num_worlds}"
+            )
         begin = float(motion.time[0]) if start is None else start
         interval = 1.0 / self.model.rate
         longest = self.model.exposures[1] if self.exposure is None else self.exposure
@@ -155,13 +159,13 @@ class StereoCamera:
             bounds = {"ge": motion.time[0], "le": motion.time[-1] - lasts}
             check_range("start", begin, "s", **bounds, note=": the motion has to last until the next picture, too")
         seeds = [np.random.SeedSequence([self.seed, number, eye]).generate_state(1)[0] for eye in range(cameras)]
-        return self._view(motion, begin, tuple(int(seed >> 2) for seed in seeds))
+        return self._view(motion, begin, tuple(int(seed >> 2) for seed in seeds), lit)
 
-    def _view(self, motion: Motion, begin: float, salts: tuple[int, ...]) -> View:
+    def _view(self, motion: Motion, begin: float, salts: tuple[int, ...], lit: int = 0) -> View:
         mounted = tuple(self.pose(offset) for offset in (0.0, self.model.baseline)[: len(salts)])
         gains = white_balance(self.model.sensor, self.light)
         return View(
-            self.scene.data, self._look, self._sky, mounted, motion, begin, self.exposure, gains, self.seed, salts
+            self.scene.data, self._look, self._sky, mounted, motion, begin, self.exposure, gains, self.seed, salts, lit
         )
 
     def pose(self, offset: float = 0.0) -> Any:
@@ -194,6 +198,9 @@ class Request:
     """Time [s] of the motion at which the first row's exposure begins; None: its first."""
     number: int = 0
     """Of the picture, for its noise."""
+    lit: int = 0
+    """How far the world of the moving things that light meets is behind that of those that the camera sees: what casts a
+    shadow need not be in view."""
 
 
 def take_together(
@@ -220,7 +227,8 @@ def take_together(
                 f"cameras that take pictures together must be alike, but one is {one.camera.rendering} and another"
                 f" {rendering}; take their pictures one after the other"
             )
-    views = [one.camera.view(one.motion, one.start, one.number, 1 if left_only else 2) for one in requests]
+    eyes = 1 if left_only else 2
+    views = [one.camera.view(one.motion, one.start, one.number, eyes, one.lit) for one in requests]
     if check:
         for one, view in zip(requests, views, strict=True):
             one.camera.check_outside(one.motion, view.begin)

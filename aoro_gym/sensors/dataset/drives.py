@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.execution.files import write_bytes
+from aoro_gym.sensors.dataset.carrier import carrier
 from aoro_gym.sensors.lidar import Motion
 from aoro_gym.terrains import Path
 from aoro_gym.terrains.world.world import World
@@ -33,6 +34,20 @@ class Drive:
     """(P, 2) [m] points of the path that it followed."""
     ending: str
     """Why it ended, in words."""
+    posture: Array | None = None
+    """(T, 9) [rad] of joint, four arms and four wheels; None: as at rest."""
+
+    @property
+    def places(self) -> Array:
+        """(T, 4) x, y [m] of the hinge, heading of the front frame and joint angle [rad]."""
+        joint = np.zeros(len(self.motion.time)) if self.posture is None else self.posture[:, 0]
+        return np.column_stack([self.motion.position[:, 0, :2], self.motion.yaw[:, 0], joint])
+
+    def posture_at(self, instant: float) -> Array:
+        """(9,) at an instant [s]."""
+        if self.posture is None:
+            return carrier().rest
+        return np.array([np.interp(instant, self.motion.time, angle) for angle in self.posture.T])
 
     @property
     def way(self) -> Array:
@@ -71,6 +86,8 @@ class Drive:
         """Write it whole or not at all (``.npz``)."""
         motion, buffer = self.motion, io.BytesIO()
         arrays = {name: getattr(motion, name) for name in ("time", "position", "roll", "pitch", "yaw")}
+        if self.posture is not None:
+            arrays["posture"] = self.posture
         np.savez(buffer, **arrays, path=self.path, ending=np.array(self.ending))
         write_bytes(file, buffer.getvalue())
 
@@ -79,7 +96,7 @@ class Drive:
         """What :meth:`save` wrote."""
         with np.load(file) as kept:
             motion = Motion(*(kept[name] for name in ("time", "position", "roll", "pitch", "yaw")))
-            return cls(motion, kept["path"], str(kept["ending"]))
+            return cls(motion, kept["path"], str(kept["ending"]), kept.get("posture"))
 
 
 Driver = Callable[[World, Path | None, int, Callable[[float], Any]], Drive]

@@ -18,6 +18,7 @@ from aoro_gym.machine.kinematics import CranePose, Placement, Pose
 from aoro_gym.machine.solids import COLOURS
 from aoro_gym.machine.vehicle_crane import GRAPPLE_DROP, VehicleCrane
 from aoro_gym.sensors.camera import Appearance
+from aoro_gym.sensors.dataset.carrier import carrier
 from aoro_gym.sensors.raytrace import Bodies, Body, Scene
 from aoro_gym.terrains.world.materials import material_table
 from aoro_gym.terrains.world.objects import Log, along
@@ -31,6 +32,10 @@ APART = 2.0 * HALF_LENGTH + 1.5
 """Least distance [m] of two machines' hinges."""
 BESIDE_PATH = HALF_LENGTH + HALF_WIDTH + 0.7
 """Least distance [m] of a standing machine's hinge from the way of one that drives."""
+SWEPT = 10
+"""Every tenth place of a way is kept clear of cranes: half a second of a drive, less than a metre."""
+CIRCLES = 6
+"""That cover half of a machine in plan."""
 UNFOLDED = (
     (-np.pi, math.radians(15.0), math.radians(-125.0), 0.0),
     (np.pi, math.radians(60.0), math.radians(-60.0), 1.2),
@@ -122,7 +127,8 @@ def standing(
         world: Its ground, and what is solid.
         count: Of machines, at most.
         rng: That draws places, headings and joint angles.
-        way: (P, 2) [m] points of a path that they keep clear of.
+        way: (P, 4) x, y [m] of the hinge, heading of the front frame and joint angle [rad] of a machine that drives, of
+            which they keep clear.
         cranes: Whether their cranes are unfolded, where there is room, and every other one holds a log.
     """
     machine = Machine.load("aoro")
@@ -133,8 +139,8 @@ def standing(
     free = stands_free(solid, drawn[:, :2], drawn[:, 2], drawn[:, 3])
     for place in drawn[free]:
         others = [one[:2] for one in found]
-        near_way = way is not None and np.linalg.norm(way - place[:2], axis=1).min() < BESIDE_PATH
-        if near_way or any(np.linalg.norm(place[:2] - other) < APART for other in others):
+        in_way = way is not None and not is_beside(place, way)
+        if in_way or any(np.linalg.norm(place[:2] - other) < APART for other in others):
             continue
         found.append(place)
         if len(found) == count:
@@ -146,8 +152,28 @@ def standing(
     states = twin.state.numpy()
     poses = [pose_of_state(states[:, k]) for k in range(len(found))]
     if cranes:
-        poses = [unfolded(pose, solid, rng) for pose in poses]
+        swept = [] if way is None else [footprint(place) for place in way[::SWEPT]]
+        poses = [unfolded(pose, np.concatenate([solid, *swept]), rng) for pose in poses]
     return tuple(StandingMachine.at(machine, pose) for pose in poses)
+
+
+def is_beside(place: Array, way: Array) -> bool:
+    """Whether a machine at a place (4,), as of :func:`footprint`, is off a way and touches nothing that drives along it."""
+    apart = np.linalg.norm(way[:, :2] - place[:2], axis=1).min() >= BESIDE_PATH
+    return bool(apart and stands_free(footprint(place), way[:, :2], way[:, 2], way[:, 3]).all())
+
+
+def footprint(place: Array) -> Array:
+    """(K, 3) circles, x, y and radius [m], that cover a machine that stands there.
+
+    Args:
+        place: (4,) x, y [m] of the hinge, heading of the front frame and joint angle [rad].
+    """
+    along = np.linspace(0.0, HALF_LENGTH, CIRCLES)
+    radius = float(np.hypot(HALF_WIDTH, 0.5 * (along[1] - along[0])))
+    ways = [place[2], place[2] - place[3] + np.pi]
+    middles = np.concatenate([place[:2] + along[:, None] * [np.cos(way), np.sin(way)] for way in ways])
+    return np.column_stack([middles, np.full(len(middles), radius)])
 
 
 def unfolded(pose: Pose, solid: Array, rng: np.random.Generator) -> Pose:
@@ -178,23 +204,36 @@ def unfolded(pose: Pose, solid: Array, rng: np.random.Generator) -> Pose:
     return pose
 
 
-def scene_of(world: World, machines: Sequence[StandingMachine], *, device: str) -> Scene:
-    """A fine scene of a world with machines, whose instances follow those of its objects."""
-    if not machines:
+def scene_of(world: World, machines: Sequence[StandingMachine], *, device: str, carriers: int = 0) -> Scene:
+    """A fine scene of a world with machines, whose instances follow those of its objects.
+
+    Args:
+        world: What stands still.
+        machines: That stand in it; rays of all worlds meet them.
+        device: Where rays are cast.
+        carriers: Machines that carry cameras, the k-th of them in the rays' world k + 1 alone, so that a picture's light is
+            kept off by its own; rays of world 0 meet none.
+    """
+    if not machines and not carriers:
         return Scene.of_world(world, fine=True, device=device)
     table = material_table()
     reflectance = np.column_stack([table.reflectance_905nm, table.reflectance_1550nm])
     paint = np.repeat(_linear().mean(axis=1)[:, None], 2, axis=1)
-    bodies = [
-        Body("mesh", instance, len(reflectance) + colour, vertices=machine.vertices, faces=faces)
-        for instance, machine in enumerate(machines, start=len(world.objects) + 1)
+    first = len(world.objects) + 1
+    parts = [
+        (instance, len(reflectance) + colour, machine.vertices, faces)
+        for instance, machine in enumerate(machines, start=first)
         for colour, faces in _by_colour(machine).items()
     ]
+    bodies: list[Body] = []
+    for number in range(1 + carriers):
+        bodies += [Body("mesh", *part[:2], vertices=part[2], faces=part[3], world=number) for part in parts]
+        bodies += carrier().bodies(first + len(machines), len(reflectance), number) if number else []
     return Scene.of_world(
         world,
         fine=True,
         device=device,
-        bodies=Bodies(bodies, device=device),
+        bodies=Bodies(bodies, num_worlds=1 + carriers, device=device),
         reflectance=np.concatenate([reflectance, paint]),
     )
 

@@ -257,9 +257,9 @@ def _chunks(tell: Tell, plan: Plan, parts: list[Part]) -> Iterator[list[Wanted]]
     chunk: list[Wanted] = []
     for index, numbers in parts:
         drive = None if plan.driver is None else Drive.load(plan.drive_file(index))
-        site = Site(plan.settings, index, plan.ground, drive, plan.device)
-        tell(SETTING_UP)
         every = plan.numbers(index)
+        site = Site(plan.settings, index, plan.ground, drive, plan.device, min(plan.together, len(every)))
+        tell(SETTING_UP)
         instants = None if drive is None else drive.instants(len(every))
         for number in numbers:
             due = None if instants is None else float(instants[every.index(number)])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -9,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.sensors.camera import Appearance
+from aoro_gym.sensors.dataset.carrier import carrier
 from aoro_gym.sensors.dataset.drives import Drive
 from aoro_gym.sensors.dataset.labels import Shapes
 from aoro_gym.sensors.dataset.machines import scene_of, standing, with_held_logs, with_machines
 from aoro_gym.sensors.dataset.settings import DatasetSettings
+from aoro_gym.sensors.raytrace.bodies import IDENTITY
 from aoro_gym.terrains.generate.stand import STANDS
 from aoro_gym.terrains.generate.world import world
 from aoro_gym.terrains.world.materials import Surface
@@ -68,20 +71,31 @@ class Site(Forest):
         given: The world; None: one is made by the seed.
         drive: Through it; None: pictures are taken at free places.
         device: Where rays are cast.
+        together: Most of its pictures that are taken together.
     """
 
-    def __init__(self, settings: DatasetSettings, index: int, given: World | None, drive: Drive | None, device: str):
+    def __init__(
+        self,
+        settings: DatasetSettings,
+        index: int,
+        given: World | None,
+        drive: Drive | None,
+        device: str,
+        together: int = 1,
+    ):
         super().__init__(settings, index, given)
         self.drive = drive
         rng = np.random.default_rng([settings.seed, index, 4])
-        way = None if drive is None else drive.motion.position[:, 0, :2]
+        way = None if drive is None else drive.places
         wanted, cranes = settings.machines, settings.cranes
         self.machines = standing(self.world, wanted, rng, way=way, cranes=cranes) if wanted else ()
         self.world, self.held = with_held_logs(self.world, self.machines)
         """With the logs in grapples, whose instances are by the number of the machine that holds each."""
-        self.scene = scene_of(self.world, self.machines, device=device)
+        self.scene = scene_of(self.world, self.machines, device=device, carriers=together)
+        self.together = together
         self.shapes = Shapes(self.world, self.machines)
         self._looks: dict[float, Appearance] = {}
+        self._poses: Array | None = None
 
     def appearance(self, drawn: dict[str, Any]) -> Appearance:
         """Its textures, of other albedos in each picture."""
@@ -96,7 +110,25 @@ class Site(Forest):
                 rng.normal(0.0, TINT, made.albedo.shape),
             )
             made = replace(made, albedo=np.clip(made.albedo * np.exp(brighter + tinted), 0.0, 1.0))
-        return with_machines(made) if self.machines else made
+        return with_machines(made)
+
+    def carry(self, fronts: Sequence[Array], postures: Sequence[Array]) -> list[int]:
+        """Put the machines that carry the cameras of pictures where they are; the rays' worlds in which each is.
+
+        Args:
+            fronts: (4, 4) each, from the front frame's axes to the world's.
+            postures: (9,) each, see :data:`~aoro_gym.sensors.dataset.carrier.POSTURE`.
+        """
+        bodies, parts = self.scene.bodies, len(carrier())
+        assert bodies is not None and len(fronts) <= self.together
+        others = (len(bodies) - parts * self.together) // (1 + self.together)
+        if self._poses is None:
+            self._poses = np.tile(IDENTITY, (len(bodies), 1))
+        for k, (front, posture) in enumerate(zip(fronts, postures, strict=True)):
+            end = others + (k + 1) * (others + parts)
+            self._poses[end - parts : end] = carrier().poses(front, posture)
+        bodies.move(self._poses)
+        return [k + 1 for k in range(len(fronts))]
 
     def middles(self, near: str) -> Array:
         """(K, 2) [m] middles in plan of the objects of a kind; ``ValueError`` where there is none."""

@@ -14,15 +14,17 @@ from numpy.typing import NDArray
 from aoro_gym.execution.files import written_whole
 from aoro_gym.recording.commands import JOINTS
 from aoro_gym.sensors.camera import CAMERA_MOUNTING, Picture, Request, StereoCamera, daylight, take_together
+from aoro_gym.sensors.dataset.carrier import carrier
 from aoro_gym.sensors.dataset.formats import Frame, described, name_of
 from aoro_gym.sensors.dataset.labels import labels
+from aoro_gym.sensors.dataset.machines import footprint
 from aoro_gym.sensors.dataset.sites import Site
 from aoro_gym.sensors.dataset.sweeps import write_sweep
 from aoro_gym.sensors.height_map import HeightMapSensor
 from aoro_gym.sensors.lidar import CLEAR, Lidar, Motion, Mounting, Points, Weather
 from aoro_gym.sensors.lidar import MODELS as LIDARS
 from aoro_gym.sensors.raytrace import Scene
-from aoro_gym.terrains.world.places import free_place
+from aoro_gym.terrains.world.places import free_place, stands_free
 
 Array = NDArray[np.float64]
 DEPTH_STEPS = 256.0
@@ -122,12 +124,26 @@ def take(setups: Sequence[Setup], progress: Callable[[float], Any] = lambda shar
         progress: Told the share that is done.
     """
     settings = setups[0].site.settings
-    requests = [Request(one.camera, one.motion, one.start) for one in setups]
+    worlds = _carried(setups)
+    requests = [Request(one.camera, one.motion, one.start, lit=lit) for one, lit in zip(setups, worlds, strict=True)]
     found = take_together(requests, left_only=settings.left_only, check=False, progress=progress)
     return [
         Taken(one, [camera[0] for camera in of_cameras], _swept(one) if "lidar" in settings.sensors else None)
         for one, of_cameras in zip(setups, found, strict=True)
     ]
+
+
+def _carried(setups: Sequence[Setup]) -> list[int]:
+    """Put the machines that carry the cameras where they are as the pictures begin: within an exposure they stay; the rays'
+    world in which light meets each."""
+    out: dict[int, int] = {}
+    for site in dict.fromkeys(one.site for one in setups):
+        own = [k for k in range(len(setups)) if setups[k].site is site]
+        fronts = [machine_at(setups[k].motion, setups[k].start) for k in own]
+        drive = site.drive
+        postures = [carrier().rest if drive is None else drive.posture_at(setups[k].start) for k in own]
+        out |= zip(own, site.carry(fronts, postures), strict=True)
+    return [out[k] for k in range(len(setups))]
 
 
 def finish(folder: Path, taken: Taken) -> Frame:
@@ -198,9 +214,12 @@ def _camera(site: Site, number: int, drawn: dict[str, Any]) -> StereoCamera:
 def _is_apart(one: Setup) -> bool:
     """Whether a camera's machine, where it stands, stands in no other one."""
     here = one.motion.position[0, 0, :2]
-    return one.site.drive is not None or all(
-        np.linalg.norm(machine.position[:2] - here) >= NEAR_MACHINE for machine in one.site.machines
-    )
+    if one.site.drive is not None:
+        return True
+    apart = all(np.linalg.norm(machine.position[:2] - here) >= NEAR_MACHINE for machine in one.site.machines)
+    circles = [footprint(np.array([*at.position[:2], at.heading, at.pose.joint])) for at in one.site.machines]
+    heading = one.motion.yaw[0, 0]
+    return apart and all(stands_free(each, here[None], heading[None], np.zeros(1)).all() for each in circles)
 
 
 def _draw(site: Site, number: int, attempt: int) -> dict[str, Any]:

@@ -63,7 +63,7 @@ class Bodies:
     """Moving things of all worlds on a device; :meth:`move` them as often as needed.
 
     Args:
-        bodies: At least one; those of a world in any order.
+        bodies: At least one; those of a world in any order. Those of the same arrays share a mesh.
         num_worlds: How many worlds rays are cast in.
         device: Where they live.
     """
@@ -80,7 +80,7 @@ class Bodies:
         self.num_worlds = num_worlds
         self.device = device
         self.class_ids = np.array([body.class_id for body in bodies])
-        self._meshes: list[wp.Mesh] = []
+        self._meshes: dict[tuple[int, int], tuple[wp.Mesh, Any, Any]] = {}
         struct: Any = device_code.Shape
         self.shapes = wp.array([self._shape(body) for body in bodies], dtype=struct, device=device)
         transform, vec3 = cast(Any, (wp.transform, wp.vec3))
@@ -137,19 +137,25 @@ class Bodies:
             device=self.device,
         )
 
-    def _shape(self, body: Body) -> Any:
-        shape: Any = device_code.Shape()
-        shape.kind = KINDS[body.kind]
-        shape.instance, shape.kind_of_thing = body.instance, body.class_id
-        if body.kind == "mesh":
+    def _mesh_of(self, body: Body) -> tuple[wp.Mesh, Any, Any]:
+        """Mesh and its bounds [m]."""
+        key = id(body.vertices), id(body.faces)
+        if key not in self._meshes:
             vertices, faces = checked_triangles("body", body.vertices, body.faces)
             mesh = wp.Mesh(
                 wp.array(vertices, dtype=wp.vec3, device=self.device),
                 wp.array(faces.ravel(), dtype=wp.int32, device=self.device),
             )
-            self._meshes.append(mesh)
+            self._meshes[key] = mesh, vertices.min(axis=0), vertices.max(axis=0)
+        return self._meshes[key]
+
+    def _shape(self, body: Body) -> Any:
+        shape: Any = device_code.Shape()
+        shape.kind = KINDS[body.kind]
+        shape.instance, shape.kind_of_thing = body.instance, body.class_id
+        if body.kind == "mesh":
+            mesh, lower, upper = self._mesh_of(body)
             shape.mesh = mesh.id
-            lower, upper = vertices.min(axis=0), vertices.max(axis=0)
         else:
             size, half = _extent(body)
             shape.size = wp.vec3(*map(float, size))

@@ -39,11 +39,16 @@ def test_the_motion_around_an_instant_is_that_of_the_drive():
 
 def test_it_comes_back_from_its_file(tmp_path):
     one = drive()
+    posture = np.linspace(0.0, 1.0, 9) + 0.1 * one.motion.time[:, None]
+    one = Drive(one.motion, one.path, one.ending, posture)
     one.save(tmp_path / "drive.npz")
     again = Drive.load(tmp_path / "drive.npz")
     assert again.ending == one.ending
     for name in ("time", "position", "roll", "pitch", "yaw"):
         np.testing.assert_array_equal(getattr(again.motion, name), getattr(one.motion, name))
+    assert again.posture is not None
+    np.testing.assert_allclose(again.posture_at(3.333), np.linspace(0.0, 1.0, 9) + 0.3333, atol=1e-12)
+    np.testing.assert_array_equal(again.places[:, 3], posture[:, 0])
 
 
 def test_poses_between_samples():

@@ -27,6 +27,7 @@ from aoro_gym.sensors.dataset.labels import categories
 from aoro_gym.sensors.dataset.machines import (
     BESIDE_PATH,
     StandingMachine,
+    is_beside,
     scene_of,
     standing,
     with_held_logs,
@@ -35,7 +36,7 @@ from aoro_gym.sensors.dataset.machines import (
 from aoro_gym.sensors.dataset.taking import matrix_of, pose_of
 from aoro_gym.sensors.lidar import Motion, Mounting
 from aoro_gym.terrains.world.objects import Log, matrix
-from aoro_gym.terrains.world.places import stands_free
+from aoro_gym.terrains.world.places import HALF_LENGTH, HALF_WIDTH, stands_free
 from aoro_gym.terrains.world.world import World
 from tests.sensors.dataset.scenes import FLAT, LENS, camera_in, lying, standing_at
 
@@ -88,21 +89,57 @@ def test_without_machines_the_picture_is_that_of_the_world():
 
 
 def test_places_are_free_and_off_the_way():
-    way = np.column_stack([np.linspace(-20.0, 20.0, 81), np.zeros(81)])
+    way = np.column_stack([np.linspace(-20.0, 20.0, 81), *np.zeros((3, 81))])
     found = standing(World(FLAT), 3, np.random.default_rng(5), way=way)
     assert len(found) == 3
     for number, one in enumerate(found):
-        assert np.linalg.norm(way - one.position[:2], axis=1).min() >= BESIDE_PATH
+        assert np.linalg.norm(way[:, :2] - one.position[:2], axis=1).min() >= BESIDE_PATH
         others = np.array([[*other.position[:2], 2.5] for k, other in enumerate(found) if k != number])
         assert stands_free(others, one.position[None, :2], np.array([one.heading]), np.zeros(1)).all()
     again = standing(World(FLAT), 3, np.random.default_rng(5), way=way)
     np.testing.assert_array_equal(again[2].vertices, found[2].vertices)
 
 
+def test_a_machine_that_drives_touches_none_that_stands():
+    """A machine's ends reach beyond both ends of its way: where the hinge alone is far enough from the way, some standing
+    ones would have points in its rectangles; of those that are let stand none has."""
+    share = np.linspace(0.0, 1.0, 31)
+    way = np.column_stack([-3.0 + 6.0 * share, np.zeros(31), 0.4 * share, 0.5 * share])
+    rng, touching, beside = np.random.default_rng(4), 0, 0
+    for place in rng.uniform([-9.0, -6.0, -np.pi, -0.5], [9.0, 6.0, np.pi, 0.5], (300, 4)):
+        if np.linalg.norm(way[:, :2] - place[:2], axis=1).min() < BESIDE_PATH:
+            continue
+        points = np.concatenate([_rectangle(*end, 15) for end in _ends(*place)])
+        touches = any(_inside(points, *end) for at in way for end in _ends(*at))
+        stands = is_beside(place, way)
+        assert not (touches and stands)
+        touching, beside = touching + touches, beside + stands
+    assert touching > 5 and beside > 50
+
+
+def _inside(points: np.ndarray, hinge: tuple[float, float], direction: float) -> bool:
+    apart = points - hinge
+    along = apart @ [np.cos(direction), np.sin(direction)]
+    across = apart @ [-np.sin(direction), np.cos(direction)]
+    return bool(((along >= 0.0) & (along <= HALF_LENGTH) & (np.abs(across) <= HALF_WIDTH)).any())
+
+
+def _ends(x: float, y: float, heading: float, joint: float) -> list[tuple[tuple[float, float], float]]:
+    """Hinge, and direction from it [rad], of both frames."""
+    return [((x, y), heading), ((x, y), heading - joint + np.pi)]
+
+
+def _rectangle(hinge: tuple[float, float], direction: float, count: int) -> np.ndarray:
+    """Points (K, 2) of a frame."""
+    along, across = np.meshgrid(np.linspace(0.0, HALF_LENGTH, count), np.linspace(-HALF_WIDTH, HALF_WIDTH, count))
+    turn = np.array([[np.cos(direction), np.sin(direction)], [-np.sin(direction), np.cos(direction)]])
+    return np.column_stack([along.ravel(), across.ravel()]) @ turn + hinge
+
+
 @pytest.mark.parametrize("name", sorted(MODELS))
 def test_nothing_of_the_own_machine_is_in_view(name):
     """At the camera's place, whatever the arms do, each corner of the machine's parts lies below the picture, at all angles
-    that are drawn (the wide one at its own): leaving the machine out of its pictures leaves out its shadow alone."""
+    that are drawn (the wide one at its own): rays of a camera need not look for it, rays of light do."""
     machine, lens = Machine.load("aoro"), MODELS[name].intrinsics
     solids, kinematics = machine_solids(machine), Kinematics(machine)
     _, y, z = lens.unproject(np.column_stack([np.arange(lens.width), np.full(lens.width, lens.height)])).T
