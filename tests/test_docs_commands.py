@@ -169,7 +169,9 @@ def test_commands_of_a_page_run(page, place, monkeypatch):
     for line in wanted(page):
         verb = shlex.split(line)[1]
         shorter = () if "--resume" in line else SHORTER.get(verb, ())
-        line = line.replace("aoro_gym/validation/data", str(ROOT / "aoro_gym/validation/data"))
+        line = re.sub(
+            r"(?<= )(aoro_gym/validation/data|aoro_gym/agents/policies|agents/hyperparams)", rf"{ROOT}/\1", line
+        )
         line = re.sub(r"\b(path|lap|drive)\.gpx", "line.csv", line)  # a forest lies nowhere on the Earth
         run(" ".join([line, *shorter]))
 
