@@ -175,7 +175,22 @@ def _with_crane(
         return plan, False
     if device == SIMD:
         raise ValueError(f"--device is {SIMD}, where twins have no crane; take cpu")
-    return plan, VehicleCrane(start=plan.crane_pose) if pose is None else posed_crane(pose)
+    carried = VehicleCrane(start=plan.crane_pose) if pose is None else posed_crane(pose)
+    if held is not None:
+        _check_above_ground(carried, diameter=held[2])
+    return plan, carried
+
+
+def _check_above_ground(crane: VehicleCrane, diameter: float) -> None:
+    """Refuse a log of a ``diameter`` [m] that would begin in the level ground, which would throw the machine up."""
+    from aoro_gym.machine.vehicle_crane import GRAPPLE_DROP
+
+    deep = GRAPPLE_DROP + 0.5 * diameter - float(crane.tip(crane.start_joints)[2])
+    if deep > 0.0:
+        raise ValueError(
+            f"--held: a log {diameter:g} m thick would begin {deep:.2f} m in the ground, as the crane stands; unfold "
+            "it, for example by --crane-pose 0 35 -100 0"
+        )
 
 
 def _tables(section: Section, twin: Twin) -> list[Any]:

@@ -185,6 +185,8 @@ def holding(manoeuvre: Manoeuvre, mass: float, length: float, diameter: float) -
         mass: [kg]
         length: [m]
         diameter: [m]
+
+    Raises ValueError where a number is out of its bounds, or the manoeuvre says what the grapple holds itself.
     """
     for name, value, unit in (("MASS", mass, "kg"), ("LENGTH", length, "m"), ("DIAMETER", diameter, "m")):
         check_range(f"--held {name}", value, unit, gt=0.0)
@@ -193,6 +195,11 @@ def holding(manoeuvre: Manoeuvre, mass: float, length: float, diameter: float) -
     axial, across = (float(moment) for moment in moments_of_log(mass, length, diameter))
     held = {"crane_held_mass": mass, "crane_held_axial": axial, "crane_held_transverse": across}
     first = manoeuvre.segments[0]
+    if told := [name for name in held if name in first.commands]:
+        raise ValueError(
+            f"--held says what the grapple holds, but so does {told[0]} of {manoeuvre.name}; drop one of them (a table has "
+            "the size of its log by the columns crane_held_axial_kg_m2 and crane_held_transverse_kg_m2)"
+        )
     return replace(manoeuvre, segments=(replace(first, commands={**held, **first.commands}), *manoeuvre.segments[1:]))
 
 

@@ -17,10 +17,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import trimesh
 from numpy.typing import NDArray
 
+from aoro_gym.execution.interrupts import interrupt_deferred
 from aoro_gym.terrains.io.check import TerrainError
+
+with interrupt_deferred():  # its imports take Ctrl-C for a library that is missing
+    import trimesh
 
 LONGEST_HEADER = 1 << 20
 """Bytes after which the header of a PLY is no header."""

@@ -115,6 +115,9 @@ def test_manoeuvres_of_a_crane(tmp_path):
     # a cylinder's moments: m r²/2 and m (r²/4 + l²/12)
     assert held["crane_held_axial"] == pytest.approx(180.0 * 0.13**2 / 2.0)
     assert held["crane_held_transverse"] == pytest.approx(180.0 * (0.13**2 / 4.0 + 16.0 / 12.0))
+    (tmp_path / "logs.csv").write_text(COMMANDS)
+    with pytest.raises(ValueError, match="so does crane_held_mass of logs; drop one"):
+        holding(from_file(tmp_path / "logs.csv"), 180.0, 4.0, 0.26)
     (tmp_path / "plain.csv").write_text("time_s,drive_signal\n0,0\n1,0.5\n")
     assert not from_file(tmp_path / "plain.csv").moves_crane
 
@@ -126,6 +129,8 @@ def test_manoeuvres_of_a_crane(tmp_path):
         ("-m left --crane-pose 0 95 0 0", "--crane-pose: lift is 95 deg"),
         ("-m crane --held 180 0 0.2", "--held LENGTH is 0 m, but must be above 0"),
         ("-m crane --held 2e4 4 0.2", "--held MASS is 20000 kg"),
+        # a folded crane's tip is 0.77 m high, the log hangs 1.1 m below
+        ("-m drive --held 180 4 0.26", "--held: a log 0.26 m thick would begin 0.46 m in the ground"),
         ("-m crane --duration 3", "--duration is 3 s, but crane takes as long as its steps do; leave it out"),
         ("-m crane --signal 120", "--signal is 120 %"),
     ],
