@@ -114,7 +114,8 @@ def _turn(log: Log, machine: Machine, signal: float) -> MeasuredTurn:
             raise ValueError(
                 f"{log.path} {what} at {value / DEGREE:.1f}°, but a full turn at {100 * signal:+.3g} % signal {what} at the "
                 f"stop, {wanted / DEGREE:.1f}° ± {AT_STOP / DEGREE:g}°; record it from stop to stop, with half a second "
-                "of rest before and after, or leave it out"
+                "of rest before and after, or leave it out; where the joint's stops are elsewhere, say so by "
+                "--set joint.range=DEG"
             )
     found = key_figures_batch(TICK * np.arange(len(angle)), angle, machine, stop=end)
     figures = {name: float(values[0]) for name, values in found.items()}

@@ -179,7 +179,7 @@ def grade_turns(turns: Sequence[MeasuredTurn], twin: Mapping[Turn, Mapping[str, 
         twin: Key figures of the twin in each kind of turn.
     """
     grades = {}
-    for turn in dict.fromkeys(one.turn for one in turns):
+    for turn in sorted({one.turn for one in turns}, key=lambda turn: (turn.direction, -turn.signal_percent)):
         own = [one for one in turns if one.turn == turn]
         time = float(np.mean([one.time for one in own]))
         found = [graded(name, [one.figures[name] for one in own], twin[turn][name], turn_time=time) for name in FIGURES]

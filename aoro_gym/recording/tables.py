@@ -330,7 +330,8 @@ def read_table(path: Path) -> Table:
     if is_bag(path):
         return _read_bag(path)
     if not path.is_file():
-        raise ValueError(f"{path} is not a file" if path.exists() else f"file {path} does not exist")
+        folder = f"{path} is not a file; name the files in it, such as {path}/*.csv"
+        raise ValueError(folder if path.exists() else f"file {path} does not exist")
     with path.open("rb") as stream:
         is_parquet = stream.read(4) == b"PAR1"
     if is_parquet or path.suffix.lower() in (".parquet", ".pq"):

@@ -86,7 +86,8 @@ def test_what_is_no_turn_ramp_or_drive_is_refused(machine, tmp_path):
     half = tmp_path / "half.csv"
     write(half, machine, 0.1, [(0.0, 0.6), (1.0, 2.0)])
     with pytest.raises(
-        ValueError, match=r"half\.csv begins at 5\.7°, but a full turn at \+100 % signal begins at the stop"
+        ValueError,
+        match=r"half\.csv begins at 5\.7°, but a full turn at \+100 % signal begins at the stop.*--set joint\.range",
     ):
         read_measured(machine, [half])
     quick = tmp_path / "quick.csv"
