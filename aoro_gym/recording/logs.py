@@ -53,6 +53,9 @@ HELD_STEPS = 4
 """Steps at an even pace that show it."""
 LARGEST_PRESSURE = 600 * BAR
 """Pressure [Pa] that bursts hoses of this kind: a higher one was logged in another unit."""
+SMALLEST_PRESSURE = 0.2 * BAR
+"""Pressure [Pa] that any line exceeds while a pump runs, by its back pressure or charge (E): a signal below it was logged in
+another unit, or its sensor is dead."""
 LARGEST_ENGINE_SPEED = 6000 * RPM
 """Speed [rad/s] that no diesel engine of this kind reaches."""
 MOVED = np.radians(1.0)
@@ -563,6 +566,12 @@ class _Reading:
                 f"{self.path}: {column.name} reaches {largest / BAR:.3g} bar, but hoses burst at "
                 f"{LARGEST_PRESSURE / BAR:g} bar; was it logged in Pa, kPa or psi?"
             )
+        if "pressure" in key and largest < SMALLEST_PRESSURE:
+            self.note(
+                f"{column.name} reaches {largest / BAR:.2g} bar at most, less than any line has while a pump runs, and "
+                "was not used; was it logged in bar, kPa or MPa?"
+            )
+            return None
         if key == "engine_speed" and largest > LARGEST_ENGINE_SPEED:
             raise ValueError(
                 f"{self.path}: {column.name} reaches {largest / RPM:.4g} rpm, but no engine of this kind "
@@ -627,7 +636,7 @@ def _check_motion(path: Path, steering: Floats, angle: Floats, rest: int, notes:
             "commands and angle must be of one clock"
         )
     if np.any(steering) and np.max(np.abs(travel)) < HARDLY:
-        notes.append(f"{path.name}: the joint hardly moves under its commands")
+        notes.append(f"{path.name}: the joint hardly moves under its commands; if it did, its angle has another unit")
     side, stretch = _first_turn(steering)
     beyond = np.flatnonzero(np.abs(travel[stretch]) > MOVED + 3.0 * np.std(angle[:rest]))
     if beyond.size and side * travel[stretch][beyond[0]] < 0.0:

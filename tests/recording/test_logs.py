@@ -242,6 +242,19 @@ def test_what_cannot_be_is_refused_by_name(tmp_path, table, says):
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("table", "says", "without"),
+    [
+        (renamed(pressure_a_bar=("pressure_a_Pa", 1.0)), "pressure_a_Pa reaches 0.00.* was not used", "pressure_a"),
+        (renamed(joint_angle_rad=("joint_angle_deg", 0.01)), "its angle has another unit", None),
+    ],
+)
+def test_what_is_too_little_to_be_of_its_unit_is_said(tmp_path, table, says, without):
+    found = read_log(write(tmp_path / "log.csv", table))
+    assert any(re.search(says, sentence) for sentence in found.limitations)
+    assert without not in found.channels
+
+
 def test_an_angle_without_a_unit_is_radians_if_degrees_were_no_motion(tmp_path, plain):
     table = columns()
     table["joint_angle"] = table.pop("joint_angle_rad")
