@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation.evaluate import policy_factory
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.checks import check_choice, check_integer
 
 MOST_EPISODES = 10_000
@@ -35,6 +36,19 @@ def named_policies(
         twice = next(name for name in names if list(map(_label, names)).count(_label(name)) > 1)
         raise ValueError(f"--policy names {twice} twice; give each once")
     return policies
+
+
+def strangers(policies: Mapping[str, Factory], localisation: str | None) -> list[str]:
+    """Sentences on learned ``policies`` whose file names no localisation, where the pose is estimated otherwise than
+    environments do by default: they drive, but with other errors of the pose than they learned with."""
+    learned = {name: getattr(factory, "__self__", None) for name, factory in policies.items()}
+    return [
+        f"{name} has learned with the default localisation, 'gains', and drives with {localisation!r}"
+        for name, policy in learned.items()
+        if localisation not in (None, "gains")
+        and isinstance(policy, LearnedPolicy)
+        and "localisation" not in policy.training
+    ]
 
 
 def _label(name: str) -> str:

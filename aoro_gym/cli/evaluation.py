@@ -19,6 +19,7 @@ from aoro_gym.cli.training import trained
 from aoro_gym.reporting import terminal
 
 if TYPE_CHECKING:
+    from aoro_gym.agents.controllers.reference import Factory
     from aoro_gym.agents.evaluation.perturbations import Perturbation
     from aoro_gym.machine import Machine
 
@@ -107,11 +108,11 @@ def evaluate(
         from aoro_gym.agents.evaluation import evaluate as evaluation
         from aoro_gym.agents.evaluation.cached_episodes import accepted
         from aoro_gym.agents.evaluation.report import table, write_report
-        from aoro_gym.agents.evaluation.selection import check_episodes, named_policies
+        from aoro_gym.agents.evaluation.selection import check_episodes
         from aoro_gym.envs.path_tracking.course_files import CourseFiles
 
         _check_files(out, logs)
-        policies = named_policies(env, policy, trust_pickle=trust_pickle, localisation=localisation)
+        policies = _policies(env, policy, trust_pickle, localisation)
         check_episodes(episodes, repeats)
         run = options.run_spec(machine, set_, scale, device, seed, laws=laws)
         chosen = options.load(run, draw=False, several=True)
@@ -136,6 +137,16 @@ def evaluate(
 def _given(**options: str | None) -> dict[str, str]:
     """Of options by name those that were given."""
     return {name: value for name, value in options.items() if value is not None}
+
+
+def _policies(env: str, asked: list[str] | None, trust_pickle: bool, localisation: str | None) -> dict[str, Factory]:
+    """Those of --policy; warns of who learned with another estimate of the pose."""
+    from aoro_gym.agents.evaluation.selection import named_policies, strangers
+
+    policies = named_policies(env, asked, trust_pickle=trust_pickle, localisation=localisation)
+    for sentence in strangers(policies, localisation):
+        terminal.warn(sentence)
+    return policies
 
 
 def _check_files(out: Path, suffix: str | None) -> None:
