@@ -17,11 +17,18 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import lsq_linear
 from scipy.stats import bootstrap
 
 from aoro_gym.calibration.comparison import PRIOR_STD, Comparison, Masks, joined
-from aoro_gym.calibration.fit import BOXES, FAILED, STEP, USUAL_STEPS, least_squares_fit
+from aoro_gym.calibration.fit import (
+    BOXES,
+    USUAL_STEPS,
+    costs,
+    inward_steps,
+    least_squares_fit,
+    sound,
+    steps_within,
+)
 from aoro_gym.calibration.published import IDENTIFIABLE
 from aoro_gym.calibration.recordings import EVERY, FilteredLog
 from aoro_gym.calibration.space import Space
@@ -277,9 +284,9 @@ def _screened(
 def _quick(comparison: Comparison, name: str, space: Space, folds: Sequence[Fold], steps: int) -> _Candidate:
     """Some Gauss–Newton steps of each fold from the data sheets; the Jacobian there serves all folds."""
     prior = space.point()
-    ahead = np.where(prior < 0.5, STEP, -STEP)
+    ahead = inward_steps(prior)
     parts = comparison.parts(space.population(np.vstack([prior, prior + np.diag(ahead)])))
-    whole = _sound(joined(comparison.rows(parts)))
+    whole = sound(joined(comparison.rows(parts)))
     felt = PRIOR_STD * np.linalg.norm((whole[:, 1:] - whole[:, :1]) / ahead, axis=0) > IDENTIFIABLE
     if not np.any(felt):
         raise ValueError("no parameter that may change shows in the logs; the machine hardly moves in them")
@@ -287,13 +294,11 @@ def _quick(comparison: Comparison, name: str, space: Space, folds: Sequence[Fold
     points = []
     for fold in folds:
         fitted = replace(comparison, masks=fold.fitted)
-        point, rows = prior, _sound(joined(fitted.rows(parts)))[:, which]
+        point, rows = prior, sound(joined(fitted.rows(parts)))[:, which]
         for step in range(steps):
+            ahead = inward_steps(point)
             if step:
-                ahead = np.where(point < 0.5, STEP, -STEP)
-                rows = _sound(fitted.misses(space.population(np.vstack([point, point + np.diag(ahead)]))))
-            else:
-                ahead = np.where(prior < 0.5, STEP, -STEP)
+                rows = sound(fitted.misses(space.population(np.vstack([point, point + np.diag(ahead)]))))
             point = _step(fitted, space, point, (rows[:, 1:] - rows[:, :1]) / ahead, rows[:, 0])
         points.append(point)
     return _Candidate(name, space, tuple(points), _predicted(comparison, space, points, folds))
@@ -302,15 +307,9 @@ def _quick(comparison: Comparison, name: str, space: Space, folds: Sequence[Fold
 def _step(fitted: Comparison, space: Space, point: Floats, slopes: Floats, at: Floats) -> Floats:
     """The best of the points that a step within each box leads to, and of ``point`` itself."""
     prior, pull = space.point(), 1.0 / PRIOR_STD
-    slopes = np.vstack([slopes, pull * np.eye(len(point))])
-    aim = -np.concatenate([at, pull * (point - prior)])
-    tried = [point]
-    for box in BOXES:
-        ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
-        tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
-    rows = _sound(fitted.misses(space.population(np.array(tried))))
-    costs = np.sum(np.square(rows), axis=0) + np.sum(np.square(pull * (np.array(tried) - prior)), axis=1)
-    return tried[int(np.argmin(costs))]
+    tried = steps_within(BOXES, slopes, at, point, prior, pull)
+    rows = sound(fitted.misses(space.population(tried)))
+    return tried[int(np.argmin(costs(rows, tried, prior, pull)))]
 
 
 def _full(
@@ -340,12 +339,7 @@ def _predicted(comparison: Comparison, space: Space, points: Sequence[Floats], f
     for fold, point in zip(folds, points, strict=True):
         left_out = replace(comparison, masks=fold.left_out)
         for channels in left_out.rows(left_out.parts(space.population(point))).values():
-            squares = np.mean(np.square(_sound(np.hstack(channels))), axis=1)
+            squares = np.mean(np.square(sound(np.hstack(channels))), axis=1)
             parts = np.array_split(squares, max(1, len(squares) // BLOCK))
             blocks += [float(np.mean(part)) for part in parts]
     return np.array(blocks)
-
-
-def _sound(rows: Floats) -> Floats:
-    """Within ± :data:`~aoro_gym.calibration.fit.FAILED`, where a simulation diverged among them."""
-    return np.clip(np.where(np.isfinite(rows), rows, FAILED), -FAILED, FAILED)

@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.calibration.fit import STEP, Residuals
+from aoro_gym.calibration.fit import Residuals, inward_steps
 
 CANDIDATES = 256
 """Points that are drawn for an ensemble, in each of its rounds."""
@@ -26,7 +26,7 @@ def posterior_factor(
 
     ``prior_std`` is the standard deviation of every parameter before the data (unit cube).
     """
-    steps = np.where(point < 0.5, STEP, -STEP)
+    steps = inward_steps(point)
     found = residuals(np.vstack([point, point + np.diag(steps)]))
     jacobian = np.nan_to_num((found[:, 1:] - found[:, :1]) / steps)
     information = jacobian.T @ jacobian + np.eye(len(point)) / prior_std**2

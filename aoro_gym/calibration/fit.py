@@ -10,7 +10,7 @@ trust region has to be guessed. From the data-sheet machine this ended at 14.5 o
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -55,6 +55,53 @@ class Fit:
     cost: float
     """Sum of squared residuals, priors included."""
     evaluations: int
+
+
+def sound(residuals: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Residuals within ± :data:`FAILED`, also those of a figure that there is not, or of a simulation that diverged."""
+    return np.clip(np.where(np.isfinite(residuals), residuals, FAILED), -FAILED, FAILED)
+
+
+def inward_steps(point: NDArray[np.float64], size: float = STEP) -> NDArray[np.float64]:
+    """Finite differences (d,) of a ``size`` at ``point`` (d,), away from the nearer bound."""
+    return np.where(point < 0.5, size, -size)
+
+
+def steps_within(
+    boxes: Sequence[float] | NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    residuals: NDArray[np.float64],
+    point: NDArray[np.float64],
+    prior: NDArray[np.float64],
+    pull: float,
+) -> NDArray[np.float64]:
+    """The ``point`` and where a Gauss–Newton step within each box leads from it (1 + boxes, d).
+
+    Args:
+        boxes: Half widths.
+        slopes: Jacobian (R, d) at the point.
+        residuals: (R,) there.
+        point: (d,)
+        prior: (d,) to which the point is pulled.
+        pull: One over the prior's standard deviation.
+    """
+    slopes = np.vstack([slopes, pull * np.eye(len(point))])
+    aim = -np.concatenate([residuals, pull * (point - prior)])
+    tried = [point]
+    for box in boxes:
+        ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
+        tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
+    return np.array(tried)
+
+
+def costs(
+    residuals: NDArray[np.float64],
+    points: NDArray[np.float64],
+    prior: NDArray[np.float64],
+    pull: float | NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Cost (N,) of sound ``residuals`` (R, N) at ``points`` (N, d) that are pulled to ``prior`` (d,)."""
+    return np.sum(np.square(residuals), axis=0) + np.sum(np.square(pull * (points - prior)), axis=1)
 
 
 def least_squares_fit(
@@ -158,8 +205,7 @@ class _Search:
 
     def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals (R, N) of points (N, d), within ± :data:`FAILED`."""
-        found = self.residuals(np.atleast_2d(points))
-        return np.clip(np.where(np.isfinite(found), found, FAILED), -FAILED, FAILED)
+        return sound(self.residuals(np.atleast_2d(points)))
 
     def ranked(self, starts: int, population: int, spread: float, seed: int) -> list[list[float]]:
         """The prior and the best others of the first population."""
@@ -200,24 +246,19 @@ class _Search:
     def _improve(self, at: dict[str, Any]) -> tuple[NDArray[np.float64], float, bool]:
         """Take one step from where ``at`` stands; its residuals and cost, and whether the search has ended."""
         point, reach, pull = np.array(at["point"]), np.array(at["reach"]), self.prior_weight / 0.25
-        dimension = len(point)
-        steps = np.where(point < 0.5, at["step"], -at["step"])
+        steps = inward_steps(point, at["step"])
         found = self.evaluate(np.vstack([point, point + np.diag(steps)]))
-        slopes = np.vstack([(found[:, 1:] - found[:, :1]) / steps, np.eye(dimension) * pull])
-        aim = -np.concatenate([found[:, 0], pull * (point - self.prior)])
-        tried = [point]
-        for box in reach:
-            ends = np.maximum(-point, -box) - 1e-9, np.minimum(1.0 - point, box) + 1e-9
-            tried.append(np.clip(point + lsq_linear(slopes, aim, ends).x, 0.0, 1.0))
-        found = self.evaluate(np.array(tried))
-        costs = np.sum(np.square(found), axis=0) + np.sum(np.square(pull * (np.array(tried) - self.prior)), axis=1)
-        best = int(np.argmin(costs))
+        slopes = (found[:, 1:] - found[:, :1]) / steps
+        tried = steps_within(reach, slopes, found[:, 0], point, self.prior, pull)
+        found = self.evaluate(tried)
+        cost = costs(found, tried, self.prior, pull)
+        best = int(np.argmin(cost))
         at["iteration"] += 1
-        at["evaluations"] += dimension + 1 + len(tried)
+        at["evaluations"] += len(point) + 1 + len(tried)
         at["point"] = tried[best].tolist()
         has_ended = False
-        if costs[best] > (1.0 - ENOUGH) * costs[0]:
+        if cost[best] > (1.0 - ENOUGH) * cost[0]:
             has_ended = at["step"] < STEP
             # once more, nearer: the figures are not quite smooth
             at["step"], at["reach"] = 0.5 * at["step"], (reach / 3.0).tolist()
-        return found[:, best], float(costs[best]), has_ended
+        return found[:, best], float(cost[best]), has_ended

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from aoro_gym.calibration.fit import costs, inward_steps, sound
 from aoro_gym.calibration.published import LEVELS
 from aoro_gym.simulation.key_figures import FIGURES
 from studies.identification.bench import ALL, Bench, Model
 from studies.identification.figures import OF_TURNS, REFERENCES, TRANSIENT, Found
-from studies.identification.search import PULL, STEP, Job, costs, sound
+from studies.identification.search import PULL, Job
 from studies.identification.splits import ROW_NAMES, Split
 
 DRAWS = 64
@@ -71,10 +72,10 @@ def intervals(wanted: Sequence[tuple[Model, Split, dict[str, Any]]], bench: Benc
     jacobians, deviations = [], []
     asked = []
     for (model, _, _), point in zip(wanted, points, strict=True):
-        asked.append((model.name, np.vstack([point, point + np.diag(_steps(point))]), ALL))
+        asked.append((model.name, np.vstack([point, point + np.diag(inward_steps(point))]), ALL))
     for (_, split, _), point, found in zip(wanted, points, bench.found(asked), strict=True):
         rows = sound(split.residuals(found))
-        jacobian = (rows[:, 1:] - rows[:, :1]) / _steps(point)
+        jacobian = (rows[:, 1:] - rows[:, :1]) / inward_steps(point)
         values, vectors = np.linalg.eigh(jacobian.T @ jacobian + PULL**2 * np.eye(len(point)))
         jacobians.append(vectors / np.sqrt(values))
         deviations.append(np.linalg.norm(jacobians[-1], axis=1))
@@ -87,7 +88,7 @@ def intervals(wanted: Sequence[tuple[Model, Split, dict[str, Any]]], bench: Benc
         [(model.name, one, ALL) for (model, _, _), one in zip(wanted, drawn, strict=True)], sampled=True
     )
     for (model, split, result), own, one, std in zip(wanted, drawn, found, deviations, strict=True):
-        cost = costs(split.residuals(one), own, model.prior, np.full(len(model.prior), PULL))
+        cost = costs(sound(split.residuals(one)), own, model.prior, np.full(len(model.prior), PULL))
         kept = np.flatnonzero(cost <= cost[0] + chi2.ppf(0.95, len(model.prior)))
         errors = one.errors(split.reference)[:, kept]
         known = split.left_out != "nothing"
@@ -101,7 +102,3 @@ def intervals(wanted: Sequence[tuple[Model, Split, dict[str, Any]]], bench: Benc
                 "errors_95": numbers(np.nanquantile(errors, 0.95, axis=1)),
                 "std_of_prior": numbers(PULL * std),
             }  # fmt: skip
-
-
-def _steps(point: Floats) -> Floats:
-    return np.where(point < 0.5, STEP, -STEP)

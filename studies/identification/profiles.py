@@ -15,8 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import chi2
 
+from aoro_gym.calibration.fit import inward_steps, sound
 from studies.identification.bench import Bench, Model
-from studies.identification.search import PULL, STEP, Job, search, sound
+from studies.identification.search import PULL, Job, search
 from studies.identification.splits import Split
 
 PROFILED = (("default", "mevea-nothing"), ("materials", "physical-nothing"))
@@ -60,7 +61,7 @@ def profile(
         keep: Given what is found whenever there is more.
     """
     evaluate = bench.evaluate({split.name: split})
-    ahead = np.where(best < 0.5, STEP, -STEP)
+    ahead = inward_steps(best)
     around = np.vstack([best, best + np.diag(ahead)])
     rows = sound(evaluate([(Job(model.name, split.name, 0, best.tolist()), around)])[0])
     jacobian = (rows[:, 1:] - rows[:, :1]) / ahead

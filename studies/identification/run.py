@@ -29,13 +29,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
+from aoro_gym.calibration.fit import costs, sound
 from aoro_gym.calibration.space import Space
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_json, write_text
 from studies.identification.bench import ALL, IDENTIFIABLE, Bench, Model, searched
 from studies.identification.describe import described, intervals, unfitted
 from studies.identification.profiles import PROFILED, profile
-from studies.identification.search import PULL, Job, costs, search
+from studies.identification.search import PULL, Job, search
 from studies.identification.splits import BY_KIND, BY_LEVEL, WHOLE, Split
 from studies.identification.structures import STRUCTURES, machine_of
 from studies.identification.table import markdown
@@ -123,7 +124,7 @@ class Study:
                 prior = self.bench.models[name].prior
                 pull = np.full(len(prior), PULL)
                 kept[f"{name}/{seed}"] = {
-                    split.name: own[int(np.argmin(costs(split.residuals(one), own, prior, pull)))].tolist()
+                    split.name: own[int(np.argmin(costs(sound(split.residuals(one)), own, prior, pull)))].tolist()
                     for split in (*BY_LEVEL, *WHOLE, *BY_KIND)
                 }
             write_json(file, kept)

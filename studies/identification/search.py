@@ -16,9 +16,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import lsq_linear
 
-BOXES = (0.01, 0.03, 0.1, 0.2, 0.4)
-STEP, ENOUGH, FAILED = 0.02, 1e-3, 20.0
-"""See :mod:`aoro_gym.calibration.fit`."""
+from aoro_gym.calibration.fit import BOXES, ENOUGH, STEP, costs, inward_steps, sound
+
 PULL = 4.0
 """Pull to the data sheet: a range is read as 95 %, so its standard deviation is a quarter of the unit cube."""
 
@@ -51,27 +50,12 @@ Evaluate = Callable[[Sequence[tuple[Job, Floats]]], Sequence[Floats]]
 """Jobs with points (N, d) each → residuals (R, N) each, NaN where there is none."""
 
 
-def sound(found: Floats) -> Floats:
-    """Residuals within ± :data:`FAILED`, that of a figure that there is not among them."""
-    return np.clip(np.where(np.isfinite(found), found, FAILED), -FAILED, FAILED)
-
-
 def pulls(job: Job, dimension: int) -> Floats:
     """Pull (d,) of each parameter to the data sheet."""
     pull = np.full(dimension, PULL)
     if job.held is not None:
         pull[job.held] = 0.0
     return pull
-
-
-def costs(found: Floats, points: Floats, prior: Floats, pull: Floats) -> Floats:
-    """Cost (N,) of residuals (R, N) at ``points`` (N, d)."""
-    return np.sum(np.square(sound(found)), axis=0) + np.sum(np.square(pull * (points - prior)), axis=1)
-
-
-def steps_of(job: Job, dimension: int) -> Floats:
-    """Finite differences (d,), away from the nearer bound."""
-    return np.where(np.array(job.point) < 0.5, job.step, -job.step)
 
 
 def tried(slopes: Floats, aim: Floats, point: Floats, reach: float, held: int | None) -> Floats:
@@ -102,20 +86,20 @@ def improve(
     """
     running = [(job, prior) for job, prior in zip(jobs, priors, strict=True) if not job.ended]
     asked = []
-    for job, prior in running:
+    for job, _ in running:
         point = np.array(job.point)
-        asked.append((job, np.vstack([point, point + np.diag(steps_of(job, len(prior)))])))
+        asked.append((job, np.vstack([point, point + np.diag(inward_steps(point, job.step))])))
     problems = []
     for (job, prior), found in zip(running, map(sound, evaluate(asked)), strict=True):
         point, pull = np.array(job.point), pulls(job, len(prior))
-        slopes = np.vstack([(found[:, 1:] - found[:, :1]) / steps_of(job, len(prior)), np.diag(pull)])
+        slopes = np.vstack([(found[:, 1:] - found[:, :1]) / inward_steps(point, job.step), np.diag(pull)])
         aim = -np.concatenate([found[:, 0], pull * (point - prior)])
         problems.append((slopes, aim, point, job.reach, job.held))
     solve = map if executor is None else executor.map
     points = list(solve(tried, *zip(*problems, strict=True))) if problems else []
     found = evaluate([(job, one) for (job, _), one in zip(running, points, strict=True)])
     for (job, prior), one, rows in zip(running, points, found, strict=True):
-        _take(job, one, costs(rows, one, prior, pulls(job, len(prior))), len(prior))
+        _take(job, one, costs(sound(rows), one, prior, pulls(job, len(prior))), len(prior))
 
 
 def _take(job: Job, points: Floats, cost: Floats, dimension: int) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from aoro_gym import Machine
 from aoro_gym.calibration import fit as one_fit
+from aoro_gym.calibration.fit import sound
 from aoro_gym.calibration.published import LEVELS, published_targets
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.machine.laws import FAMILIES
@@ -48,9 +49,14 @@ def test_targets_and_tolerances_are_those_of_the_calibration():
 
 
 def test_steps_are_those_of_the_calibration():
-    assert (search.BOXES, search.STEP, search.ENOUGH, search.FAILED) == (
-        one_fit.BOXES, one_fit.STEP, one_fit.ENOUGH, one_fit.FAILED
-    )  # fmt: skip
+    """By another solver of the same bounded problem."""
+    rng = np.random.default_rng(1)
+    slopes, rows, point, prior = rng.normal(size=(9, 4)), rng.normal(size=9), rng.uniform(size=4), rng.uniform(size=4)
+    pulled = np.vstack([slopes, search.PULL * np.eye(4)])
+    aim = -np.concatenate([rows, search.PULL * (point - prior)])
+    theirs = one_fit.steps_within(one_fit.BOXES, slopes, rows, point, prior, search.PULL)
+    np.testing.assert_allclose(search.tried(pulled, aim, point, 1.0, None), theirs, atol=1e-6)
+    assert np.ptp(theirs, axis=0).min() > 1e-3
 
 
 def test_a_turn_is_that_of_the_calibration():
@@ -195,7 +201,7 @@ def test_a_held_parameter_stays(fake):
 
 
 def test_failed_turns_cost_much_but_not_everything():
-    assert search.sound(np.array([np.nan, np.inf, -1e9, 0.5])).tolist() == [20.0, 20.0, -20.0, 0.5]
+    assert sound(np.array([np.nan, np.inf, -1e9, 0.5])).tolist() == [20.0, 20.0, -20.0, 0.5]
 
 
 def test_tables(tmp_path: Path):
