@@ -10,15 +10,17 @@ parameters that are published with them; nothing is fitted. The laws are those t
 import argparse
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import warp as wp
+from scipy.optimize import brentq
 
 from aoro_gym.reporting.style import BLUE, INK, PLOT_STYLE, RED, SOFT
-from aoro_gym.terrains.soil import Soil
-from aoro_gym.twin.physics.soil import Patch, Reaction, half_chord, remembered, wheel_reaction
+from aoro_gym.terrains.soil import Soil, preset_table
+from aoro_gym.twin.physics.soil import Patch, Reaction, half_chord, pass_sinkage_factor, recall, wheel_reaction
 from aoro_gym.twin.physics.soil import Soil as DeviceSoil
 from aoro_gym.twin.soil_ruts import device_records
 
@@ -27,24 +29,31 @@ RIGID = 1e9
 """Stiffness [N/m] of a wheel that is no tire."""
 HALVINGS = wp.constant(40)
 PASSES = 10
+TIRE = (0.6258, 0.53, 24.5e3, 3.44e5)
+"""Radius and width [m] of the machine's tire, its load [N] and stiffness [N/m]."""
+SOILS = ("sand", "sandy_loam", "sandy_loam:0.26", "peat", "clay:0.4", "loam", "moraine")
+"""Soils of passes."""
 
 
 @wp.struct
 class RollingRut:
-    """Soil that bore ``ahead`` [m] before a wheel comes; behind its axle it bore what the wheel presses."""
+    """Soil that bore ``ahead`` [m] before a wheel comes; behind its axle it bore what the wheel presses. The wheel is the
+    last of some ``passes``."""
 
     ahead: float
     behind: float
+    passes: int
 
 
 @wp.func
-def remembered(memory: RollingRut, twin: int, x: float, y: float):  # noqa: F811 (an overload)
-    return wp.where(x < 0.0, memory.behind, memory.ahead)
+def recall(memory: RollingRut, s: DeviceSoil, twin: int, x: float, y: float):  # noqa: F811 (an overload)
+    return wp.where(x < 0.0, memory.behind, memory.ahead), pass_sinkage_factor(s, memory.passes)
 
 
 @wp.kernel(enable_backward=False)
 def roll(soils: wp.array(dtype=DeviceSoil), wheels: wp.array(dtype=wp.vec4), ahead: wp.array(dtype=float),
-         slip: wp.array(dtype=float), sinkage: wp.array(dtype=float), out: wp.array(dtype=Reaction)):  # fmt: skip
+         slip: wp.array(dtype=float), passes: int, sinkage: wp.array(dtype=float),
+         out: wp.array(dtype=Reaction)):  # fmt: skip
     """A wheel (radius, width [m], load [N], stiffness [N/m]) that rolls in a rut at a slip: sinkage [m], by halving, and
     what the soil does to it."""
     i = wp.tid()
@@ -58,6 +67,7 @@ def roll(soils: wp.array(dtype=DeviceSoil), wheels: wp.array(dtype=wp.vec4), ahe
     high = 0.9 * wheel[0]
     memory = RollingRut()
     memory.ahead = ahead[i]
+    memory.passes = passes
     r = Reaction()
     halvings = int(HALVINGS)
     for _ in range(halvings):
@@ -75,15 +85,24 @@ def roll(soils: wp.array(dtype=DeviceSoil), wheels: wp.array(dtype=wp.vec4), ahe
 
 
 def rolled(
-    soils: list[Soil], wheel: tuple[float, float, float, float], ahead: Any = 0.0, slip: Any = 0.0
+    soils: list[Soil], wheel: tuple[float, float, float, float], ahead: Any = 0.0, slip: Any = 0.0, passes: int = 1
 ) -> tuple[np.ndarray, Any]:
-    """Sinkages [m] (N,) and reactions of a wheel (radius, width, load, stiffness) in N soils."""
+    """Sinkages [m] (N,) and reactions of a wheel in N soils.
+
+    Args:
+        soils: N of them.
+        wheel: Its radius, width [m], load [N] and stiffness [N/m].
+        ahead: Deepest sinkage [m] of the rut that it comes to, one or (N,).
+        slip: One or (N,).
+        passes: Wheels over the place, with this one.
+    """
     n = len(soils)
     records = np.concatenate([device_records(soil) for soil in soils])
     inputs = [
         wp.array(records, dtype=DeviceSoil, device="cpu"),
         wp.array(np.tile(np.array(wheel, np.float32), (n, 1)), dtype=wp.vec4, device="cpu"),
         *(wp.array(np.broadcast_to(np.float32(one), n).copy(), device="cpu") for one in (ahead, slip)),
+        passes,
     ]
     sinkage, out = wp.zeros(n, dtype=float, device="cpu"), wp.zeros(n, dtype=Reaction, device="cpu")
     wp.launch(roll, n, inputs, [sinkage, out], device="cpu")
@@ -132,26 +151,50 @@ def in_snow(published: dict[str, Any]) -> list[dict[str, Any]]:
 def passes_of(soil: Soil, wheel: tuple[float, float, float, float]) -> list[float]:
     """Sinkage after each of :data:`PASSES` passes over that after the first."""
     sinkages, rut = [], np.zeros(1)
-    for _ in range(PASSES):
-        z, _ = rolled([soil], wheel, ahead=rut)
+    for n in range(1, PASSES + 1):
+        z, _ = rolled([soil], wheel, ahead=rut, passes=n)
         rut = np.maximum(z, rut)
         sinkages.append(float(rut[0]))
     return [z / sinkages[0] for z in sinkages]
 
 
+def fitted_exponent(soil: Soil, a: float, wheel: tuple[float, float, float, float]) -> float:
+    """The ``pass_exponent`` by which :data:`PASSES` wheels sink :data:`PASSES` ** (1/a) times as deep as the first, with
+    what a rut deepens by without it; 0 where that is more."""
+
+    def excess(m: float) -> float:
+        return passes_of(replace(soil, pass_exponent=m), wheel)[-1] - PASSES ** (1.0 / a)
+
+    return 0.0 if excess(0.0) >= 0.0 else float(brentq(excess, 0.0, 1.0 / a + 0.01, xtol=1e-4))
+
+
+def pass_exponents() -> dict[str, dict[str, float]]:
+    """Of every preset's states that the machine's tire sinks into: forestry's a, the preset's ``pass_exponent``, and that
+    which comes of a."""
+    found = {}
+    for entry in preset_table():
+        for state in entry["states"]:
+            name = entry["name"] + (f":{state['moisture']:g}" if len(entry["states"]) > 1 else "")
+            if "pass_exponent" not in state or name == "clay:0.25":
+                continue
+            wheel = TIRE if name != "sandy_loam:0.32" else (*TIRE[:2], 7e3, TIRE[3])
+            known = {"a": state["a"], "pass_exponent": state["pass_exponent"]}
+            found[name] = known | {"fitted": fitted_exponent(Soil.named(name), state["a"], wheel)}
+    return found
+
+
 def compared() -> dict[str, Any]:
     """Everything, for the JSON."""
     published = tomllib.loads(PUBLISHED.read_text(encoding="utf-8"))
-    tire = (0.6258, 0.53, 24.5e3, 3.44e5)  # of the machine, with its load
-    presets = {name: Soil.preset(name) for name in ("sand", "sandy_loam", "peat", "loam")}
     rover = pull_and_sinkage(published["rover_wheel"])
     rigid = (published["rover_wheel"]["radius_m"], published["rover_wheel"]["width_m"], 80.0, RIGID)
     bare = _soil(published["rover_wheel"], shear_modulus=0.011)
     return {
         "rover_wheel": rover,
         "snow": in_snow(published["snow"]),
-        "passes": {name: passes_of(soil, tire) for name, soil in presets.items()}
-        | {"rover wheel": passes_of(bare, rigid)},
+        "passes": {name: passes_of(Soil.named(name), TIRE) for name in SOILS} | {"rover wheel": passes_of(bare, rigid)},
+        "passes_counted": {name: passes_of(Soil.named(f"{name}+passes"), TIRE) for name in SOILS},
+        "pass_exponents": pass_exponents(),
         "published": published,
     }
 
@@ -169,7 +212,11 @@ def _errors(result: dict[str, Any]) -> list[str]:
         r = np.interp(snow["depth_m"], one["depth_m"], one["resistance"]) / np.array(snow["resistance_coefficient"])
         trailing = np.round(one["trailing"], 4)
         lines.append(f"snow, {one['soil']}: sinkage x {np.median(z):.2f}, resistance x {np.median(r):.2f}, {trailing}")
-    lines += [f"passes, {name}: {np.round(values, 3)}" for name, values in result["passes"].items()]
+    for name, values in result["passes"].items():
+        counted = np.round(result["passes_counted"].get(name, []), 3)
+        lines.append(f"passes, {name}: {np.round(values, 3)}, counted {counted}")
+    for name, of in result["pass_exponents"].items():
+        lines.append(f"pass_exponent, {name}: a {of['a']}, preset {of['pass_exponent']}, fitted {of['fitted']:.3f}")
     return lines
 
 
@@ -205,9 +252,11 @@ def draw(result: dict[str, Any], path: Path) -> None:
             passes.fill_between(
                 n, n ** (1 / high), n ** (1 / low), color=SOFT, alpha=shade, lw=0, label=f"n^(1/a), {name}"
             )
-        for (name, values), style in zip(result["passes"].items(), ("-", "--", ":", "-.", (0, (1, 3))), strict=True):
-            passes.plot(n, values, ls=style, color=RED if " " in name else BLUE, label=name.replace("_", " "))
-        passes.set(title="Sinkage after n passes over that of the first", xlabel="passes", ylabel="ratio")
+        lines = {"sandy_loam": ("sandy loam", "-"), "peat": ("peat", "--"), "clay:0.4": ("wet clay", ":")}
+        for name, (label, style) in lines.items():
+            passes.plot(n, result["passes"][name], ls=style, color=BLUE, label=label)
+            passes.plot(n, result["passes_counted"][name], ls=style, color=RED, label=f"{label}, passes counted")
+        passes.set(title="Sinkage after n wheels over that of the first", xlabel="wheels", ylabel="ratio")
         for axes in (pull, resist, passes):
             axes.legend(frameon=False, fontsize=8)
         figure.savefig(path)

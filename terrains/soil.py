@@ -36,6 +36,7 @@ BOUNDS = {
     "a_u": (0.0, 1e12, "N/m^4"),
     "unit_weight": (0.0, 3e4, "N/m^3"),
     "slip_sinkage": (0.0, 1.0, ""),
+    "pass_exponent": (0.0, 1.0, ""),
 }
 
 PRESETS_FILE = Path(__file__).parent / "soils.toml"
@@ -52,6 +53,8 @@ PRESETS: tuple[str, ...] = tuple(_file())
 _UNITS = {"shear_modulus": 1e-2, "friction_angle": 1.0, "n": 1.0, "layer": 1.0}
 """SI units of a value in the file; kilo where it is not listed."""
 _NAMES = {"n": "exponent", "friction_angle": "friction_angle_deg"}
+LAWS = ("passes", "slip_sinkage")
+"""Laws that a soil may have further, as :meth:`Soil.named` knows them."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -87,13 +90,16 @@ class Soil:
     slip_sinkage: ArrayLike = 0.0
     """Part [-] of Lyasko's slip sinkage: 0 none, 1 all of it, by which a wheel that slips by 20 % sinks 1.33 times as
     deep."""
+    pass_exponent: ArrayLike = 0.0
+    """m [-]: the wheel that is the n-th over a place sinks n^m times as deep there as in virgin soil; 0: passes do not
+    count. Forestry's z_n = z_1 n^(1/a) has m = 1/a."""
     cell: float = 0.1
     """Distance [m] of the nodes that remember the ruts, in [0.05, 0.2]."""
     name: str = "soil"
     """What tables and pictures call it."""
     tiles: int = 1024
     """Places for tiles of 8 × 8 nodes that each twin has, a power of two in [64, 65536]; three quarters of them can be
-    taken. Each costs 260 bytes, and 5 of them last for a metre of fresh track of both sides."""
+    taken. Each costs 260 bytes, 516 where passes count, and 5 of them last for a metre of fresh track of both sides."""
 
     def __post_init__(self) -> None:
         lengths: dict[str, int] = {}
@@ -135,10 +141,15 @@ class Soil:
     @property
     def bytes_per_twin(self) -> int:
         """Memory [bytes] that each twin takes for its ruts."""
-        return self.tiles * 4 * (64 + 1)
+        return self.tiles * 4 * (64 * (1 + self.has_passes) + 1)
+
+    @property
+    def has_passes(self) -> bool:
+        """Whether passes count, in any twin."""
+        return bool(np.any(np.asarray(self.pass_exponent) > 0.0))
 
     @classmethod
-    def preset(cls, name: str, moisture: float | None = None, **others: Any) -> Soil:
+    def preset(cls, name: str, moisture: float | None = None, *, passes: bool = False, **others: Any) -> Soil:
         """A soil of :data:`PRESETS`.
 
         Args:
@@ -146,6 +157,7 @@ class Soil:
             moisture: Water by mass of the dry soil [-], where the preset was measured at several: between them its
                 values are
                 interpolated (E), moduli logarithmically. By default the first of them.
+            passes: Whether passes count, by the preset's ``pass_exponent``.
             others: Fields that differ from the preset.
 
         Raises:
@@ -158,22 +170,34 @@ class Soil:
         states = _file()[name]["states"]
         values = states[0] if moisture is None else _between(name, states, moisture)
         si: dict[str, Any] = {"name": name} | {
-            _NAMES.get(key, key): value * _UNITS.get(key, 1e3) for key, value in values.items() if key != "moisture"
+            _NAMES.get(key, key): value * _UNITS.get(key, 1e3)
+            for key, value in values.items()
+            if key not in ("moisture", "a", "pass_exponent")
         }
+        if passes:
+            if "pass_exponent" not in values:
+                raise ValueError(
+                    f"soil {name} has no known pass_exponent; drop passes, or give a pass_exponent of your own"
+                )
+            si["pass_exponent"] = values["pass_exponent"]
         return cls(**(si | others))
 
     @classmethod
     def named(cls, text: str) -> Soil:
-        """The preset that a ``text`` names, as ``"clay"`` or with its moisture as ``"clay:0.3"``.
+        """The preset that a ``text`` names, as ``"clay"``, with its moisture as ``"clay:0.3"``, with further :data:`LAWS` as
+        ``"clay:0.3+passes"`` or ``"clay+passes+slip_sinkage"``.
 
         Raises ValueError if there is none.
         """
-        name, _, water = text.partition(":")
+        preset, *laws = text.split("+")
+        for law in laws:
+            check_choice("soil law", law, LAWS)
+        name, _, water = preset.partition(":")
         try:
             moisture = float(water) if water else None
         except ValueError:
             raise ValueError(f"soil is {text!r}, but its moisture {water!r} must be a number, as in clay:0.3") from None
-        return cls.preset(name, moisture)
+        return cls.preset(name, moisture, passes="passes" in laws, slip_sinkage=1.0 if "slip_sinkage" in laws else 0.0)
 
     def to_json(self) -> dict[str, Any]:
         """Its fields, arrays as lists."""

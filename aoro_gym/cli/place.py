@@ -32,7 +32,10 @@ GroundOption = Annotated[
 SoilOption = Annotated[
     str | None,
     option(
-        "--soil", "NAME[:WATER]", "Soft ground: peat, moraine, snow, sand, sandy_loam, clay or loam. Default: hard."
+        "--soil",
+        "NAME[:WATER]",
+        "Soft ground: peat, moraine, snow, sand, sandy_loam, clay or loam; +passes: ruts deepen with every wheel;"
+        " +slip_sinkage. Default: hard.",
     ),
 ]
 TrackOption = Annotated[str | None, option("--track", "N|NAME", "Which of the file's tracks.")]

@@ -109,9 +109,9 @@ def simulate(
     and numbers of the objects, a table tells what was touched. It starts at --start, by default at the free place
     nearest to the middle.
 
-    On --soil wheels sink in, and the next ones in their ruts sink less. clay:0.3 has 30 % of water by dry mass. The log gets
-    sinkages, rut depths and the soil's resistance, a table the ruts, LOG_ruts.png shows them. With a --crane it gets joints,
-    rates, pressures and load cell; nothing has validated its figures.
+    On --soil wheels sink in, and the next ones in their ruts sink less. clay:0.3 has 30 % of water by dry mass, +passes is
+    for ruts that deepen with every wheel. The log gets sinkages, ruts and the soil's resistance, LOG_ruts.png shows them.
+    With a --crane it gets joints, rates, pressures and load cell; nothing has validated its figures.
 
     [bold]Examples[/]
 

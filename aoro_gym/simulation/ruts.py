@@ -20,13 +20,16 @@ MARGIN = 0.5
 
 
 def rut_figures(ruts: Ruts) -> dict[str, float]:
-    """Mean and largest depth [m] of the nodes in ruts, area [m²] and volume [m³] of the ruts that stay."""
+    """Mean and largest depth [m] of the nodes in ruts, area [m²] and volume [m³] of the ruts that stay, and where passes
+    count the most wheels over a node."""
+    counted = {} if ruts.passes is None else {"rut_passes_max": int(ruts.passes.max(initial=0))}
     inside = ruts.depth[ruts.depth > LEAST].astype(np.float64)
     return {
         "rut_depth_mean_m": float(inside.mean()) if len(inside) else 0.0,
         "rut_depth_max_m": float(inside.max(initial=0.0)),
         "rut_area_m2": len(inside) * ruts.cell**2,
         "rut_volume_m3": ruts.volume,
+        **counted,
     }
 
 
@@ -38,6 +41,8 @@ def rut_table(figures: dict[str, float]) -> Comparison:
         ["area", f"{figures['rut_area_m2']:.1f}", "m²"],
         ["volume", f"{figures['rut_volume_m3']:.2f}", "m³"],
     ]
+    if "rut_passes_max" in figures:
+        rows.append(["most wheels over a place", f"{figures['rut_passes_max']}", "1"])
     return Comparison("Ruts", ("of the ruts that stay", "value", "unit"), rows)
 
 

@@ -246,6 +246,7 @@ class Twin:
             measured_hubs=self._measured_hubs,
             objects=objects,
             soil=soil,
+            passes=self.soil is not None and self.soil.has_passes,
             load=self.carries_load,
             crane=self.has_crane,
             by_roles=self.by_roles,

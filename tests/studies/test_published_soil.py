@@ -48,7 +48,8 @@ def test_measurements_are_whole():
 
 def test_laws_depart_from_measurements_where_the_page_says(result):
     """With slip sinkage the rover's wheel sinks within 35 % at all slips, without it a third as deep at the largest; both
-    pull too much there. Snow resists half as much as measured, a second wheel not at all, and ruts hardly deepen."""
+    pull too much there. Snow resists half as much as measured, a second wheel not at all, and ruts hardly deepen without
+    passes, but in wet soils of small exponents."""
     rover = result["rover_wheel"]
     measured = np.array(rover["measured_sinkage_m"])
     dug, plain = (np.array(rover[f"{name}_sinkage_m"]) / measured for name in ("slip_sinkage", "plain"))
@@ -56,4 +57,22 @@ def test_laws_depart_from_measurements_where_the_page_says(result):
     assert np.array(rover["slip_sinkage_pull"])[2:].min() > np.array(rover["measured_pull"])[2:].max()
     for one in result["snow"]:
         assert max(one["resistance"]) < 0.1 and max(map(abs, one["trailing"])) < 0.01
-    assert all(1.0 < values[-1] < 1.2 and (np.diff(values) >= 0.0).all() for values in result["passes"].values())
+    wet = ("sandy_loam:0.26", "clay:0.4")
+    assert all(
+        (1.6 if name in wet else 1.0) < v[-1] < (2.1 if name in wet else 1.2) for name, v in result["passes"].items()
+    )
+
+
+def test_passes_that_count_deepen_ruts_as_forestry_has_it(result):
+    """Presets have the exponents by which ten wheels come to n^(1/a), to their three figures; the wheels between, to which
+    nothing is fitted, come to it within 3 %, in wet soils, whose ruts deepen without passes at first, within 14 %."""
+    n = np.arange(1, published_soil.PASSES + 1)
+    low, high = (10.0 ** (1.0 / a) for a in (5.0, 2.0))
+    for name, of in result["pass_exponents"].items():
+        assert of["fitted"] == pytest.approx(of["pass_exponent"], abs=1e-3)
+        if (counted := result["passes_counted"].get(name.removesuffix(":0.11"))) is not None:
+            off = np.array(counted) / n ** (1.0 / of["a"]) - 1.0
+            assert abs(off[-1]) < 3e-3 and np.abs(off).max() < (
+                0.14 if name in ("sandy_loam:0.26", "clay:0.4") else 0.03
+            )
+            assert low < counted[-1] < high

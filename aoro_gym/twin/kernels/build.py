@@ -28,6 +28,7 @@ def build(
     measured_hubs: bool = False,
     objects: bool = False,
     soil: bool = False,
+    passes: bool = False,
     load: bool = False,
     crane: bool = False,
     by_roles: bool = False,
@@ -36,16 +37,17 @@ def build(
     (``DefaultLaws`` or ``ChosenLaws``); ``portable``: for every CPU of this architecture, not for this one;
     ``measured_hubs``: without the driveline (:mod:`aoro_gym.twin.kernels.hubs`); ``objects``: with the solid objects of
     worlds (:mod:`aoro_gym.twin.kernels.solids`), where ``advance`` takes the kind of ``OBJECT_GROUNDS``; ``soil``: on soft
-    ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``; ``load``: of machines that carry one
-    (:mod:`aoro_gym.twin.kernels.tree`); ``crane``: of machines with a crane (:mod:`aoro_gym.twin.kernels.crane_on_frame`),
-    which carry a load, too, if they have one; ``by_roles``: with ``advance_by_roles``
-    (:mod:`aoro_gym.twin.kernels.roles.advance`) in place of ``advance``, on CUDA and without any of these others.
+    ground (:mod:`aoro_gym.twin.kernels.soil`), where it takes that of ``SOIL_GROUNDS``, or with ``passes`` that of
+    ``PASS_GROUNDS``; ``load``: of machines that carry one (:mod:`aoro_gym.twin.kernels.tree`); ``crane``: of machines with a
+    crane (:mod:`aoro_gym.twin.kernels.crane_on_frame`), which carry a load, too, if they have one; ``by_roles``: with
+    ``advance_by_roles`` (:mod:`aoro_gym.twin.kernels.roles.advance`) in place of ``advance``, on CUDA and without any of
+    these others.
 
     Each pair is a module of its own, compiled when first asked for. On CUDA with approximate division, roots and
     exponentials (``fast_math``; the CPU's compiler ignores it): about twice the speed, and a turn that differs by 1e-4 of a
     channel's range at most.
     """
-    return _build(kind, laws, portable, measured_hubs, objects, soil, load and not crane, crane, by_roles)
+    return _build(kind, laws, portable, measured_hubs, objects, soil, passes, load and not crane, crane, by_roles)
 
 
 @cache
@@ -56,6 +58,7 @@ def _build(
     measured_hubs: bool,
     objects: bool,
     soil: bool,
+    passes: bool,
     load: bool,
     crane: bool,
     by_roles: bool,
@@ -64,6 +67,7 @@ def _build(
     module += "_hubs" if measured_hubs else ""
     module += "_objects" if objects else ""
     module += "_soil" if soil else ""
+    module += "_passes" if passes else ""
     module += "_load" if load else ""
     module += "_crane" if crane else ""
     options = {"fast_math": True, "default_grid_stride": False}
@@ -85,7 +89,7 @@ def _build(
     if objects:
         advancing, felt = among_objects(advancing, kind)
     elif soil:
-        advancing, felt = on_soil(advancing, kind)
+        advancing, felt = on_soil(advancing, kind, passes)
     if load:
         advancing = with_others(advancing, {"tree": tree_with_load})
     elif crane:
@@ -121,9 +125,11 @@ def among_objects(function: Any, kind: Any) -> tuple[Any, Any]:
     return with_others(function, parts), OBJECT_GROUNDS[kind]
 
 
-def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
-    """An ``advance`` as it is for machines on soft ground, and the kind of ground of soil that it takes."""
+def on_soil(function: Any, kind: Any, passes: bool) -> tuple[Any, Any]:
+    """An ``advance`` as it is for machines on soft ground, with passes or without, and the kind of ground of soil that it
+    takes."""
     from aoro_gym.twin.kernels.soil import (  # few twins need them
+        PASS_GROUNDS,
         SOIL_GROUNDS,
         lost_on_soil,
         record_soil_outputs,
@@ -135,7 +141,7 @@ def on_soil(function: Any, kind: Any) -> tuple[Any, Any]:
     outputs = wp.func(with_others(record_soil_outputs.func, recorded), module=function.__module__)
     parts = {"corner_contact": soil_corner_contact, "hull_loads": soil_hull_loads, "record_outputs": outputs}
     parts["lost"] = lost_on_soil
-    return with_others(function, parts), SOIL_GROUNDS[kind]
+    return with_others(function, parts), (PASS_GROUNDS if passes else SOIL_GROUNDS)[kind]
 
 
 def with_crane(function: Any, laws: Any, *, covered: bool) -> tuple[Any, Any]:

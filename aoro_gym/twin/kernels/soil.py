@@ -7,6 +7,11 @@ A twin's ruts are a raster of the deepest sinkage that each place has borne, in 
 wheel first comes and found by a hash table of the twin's own (open addressing, linear probing). Memory is bounded by the
 track that is driven, not by the area. Where the table is three quarters full, the next tile makes the twin's state
 non-finite, which freezes it; :func:`lost_on_soil` tells this from a state that diverged.
+
+Ruts of soil with passes (:class:`PassRuts`) count, too, the wheels that have gone over each node, in kernels of their own. A
+wheel's way is counted in legs: one ends where the wheel is its diameter away from where it began. A node notes the wheel and
+the leg that bore on it last. Another wheel, or the same one two legs later or more, is a new pass: it has been away by its
+diameter at least. One that stands, shakes, rocks by less than that, or is lifted and set down in its place, is one pass.
 """
 
 # pyright: reportGeneralTypeIssues=false, reportInvalidTypeForm=false, reportRedeclaration=false
@@ -28,6 +33,8 @@ from aoro_gym.twin.physics.soil import (
     contact_width,
     flank_force,
     half_chord,
+    pass_sinkage_factor,
+    recall,
     remembered,
     rut_depth,
     shear_step,
@@ -51,6 +58,14 @@ RUT = wp.constant(2)  # depth of the rut that stays [m],
 RESISTANCE = wp.constant(3)  # resistance of the soil [N],
 AGE = wp.constant(4)  # main steps since it left its trace
 WHEEL_ROWS = wp.constant(5)
+LEG_X = wp.constant(0)  # rows of a wheel in ``PassRuts.legs``: where its leg began [m],
+LEG_Y = wp.constant(1)
+LEG = wp.constant(2)  # number of its leg
+LEG_ROWS = wp.constant(3)
+PASS_BITS = wp.constant(12)  # of a node's passes in its number, those of the wheel above them, those of the leg above all
+MOST_PASSES = wp.constant(4095)
+WHEEL_BITS = wp.constant(2)
+LEG_MASK = wp.constant(131071)  # 17 bits: legs are counted from 0 again after more than 100 km
 FIRST_ROW = wp.constant(FIRST_SOIL_OUTPUT)
 
 
@@ -64,6 +79,20 @@ class Ruts:
     full: wp.array(dtype=int)  # whether a twin lacked one
     wheels: wp.array2d(dtype=float)  # rows of wheels × twins
     inverse_cell: float  # [1/m]
+
+
+@wp.struct
+class PassRuts:
+    """As :class:`Ruts`, of soil with passes."""
+
+    keys: wp.array2d(dtype=int)
+    depths: wp.array2d(dtype=float)
+    count: wp.array(dtype=int)
+    full: wp.array(dtype=int)
+    wheels: wp.array2d(dtype=float)
+    inverse_cell: float
+    passes: wp.array2d(dtype=int)  # (twins, slots × 64): wheels over a node, and which on which leg was the last
+    legs: wp.array2d(dtype=float)  # rows of wheels × twins
 
 
 @wp.struct
@@ -104,8 +133,40 @@ class SoilMeshes:
     ruts: Ruts
 
 
+@wp.struct
+class PassPlanes:
+    """Planes of soil with passes."""
+
+    twins: wp.array(dtype=SoilSite)
+    ground: Planes
+    soils: wp.array(dtype=Soil)
+    ruts: PassRuts
+
+
+@wp.struct
+class PassRasters:
+    """Rasters of soil with passes."""
+
+    twins: wp.array(dtype=SoilSite)
+    ground: Rasters
+    soils: wp.array(dtype=Soil)
+    ruts: PassRuts
+
+
+@wp.struct
+class PassMeshes:
+    """Triangles of soil with passes."""
+
+    twins: wp.array(dtype=SoilSite)
+    ground: Meshes
+    soils: wp.array(dtype=Soil)
+    ruts: PassRuts
+
+
 SOIL_GROUNDS = {Planes: SoilPlanes, Rasters: SoilRasters, Meshes: SoilMeshes}
 """By the kind of ground that is soft."""
+PASS_GROUNDS = {Planes: PassPlanes, Rasters: PassRasters, Meshes: PassMeshes}
+"""Likewise, of soil with passes."""
 
 
 @wp.struct
@@ -122,7 +183,62 @@ def footing(terrain: Sunk, ground: Footing, point: wp.vec3):  # noqa: F811 (an o
 
 
 @wp.func
-def find_tile(ruts: Ruts, twin: int, column: int, row: int):
+def clear_node(ruts: Ruts, twin: int, node: int):
+    """Make a node virgin."""
+    ruts.depths[twin, node] = 0.0
+
+
+@wp.func
+def clear_node(ruts: PassRuts, twin: int, node: int):  # noqa: F811 (an overload)
+    """Make a node virgin."""
+    ruts.depths[twin, node] = 0.0
+    ruts.passes[twin, node] = 0
+
+
+@wp.func
+def wheel_on_leg(ruts: Ruts, twin: int, first: int, w: Patch):
+    """Nothing is noted of the wheel whose rows begin at ``first``."""
+    return 0
+
+
+@wp.func
+def wheel_on_leg(ruts: PassRuts, twin: int, first: int, w: Patch):  # noqa: F811 (an overload)
+    """Number of a wheel and the leg of its way that it is on; a leg begins where the wheel is its diameter away from where
+    the last did."""
+    wheel = first / WHEEL_ROWS
+    row = LEG_ROWS * wheel
+    leg = int(ruts.legs[row + LEG, twin])
+    east = w.x - ruts.legs[row + LEG_X, twin]
+    north = w.y - ruts.legs[row + LEG_Y, twin]
+    if east * east + north * north > 4.0 * w.radius * w.radius:
+        leg = (leg + 1) & LEG_MASK
+        ruts.legs[row + LEG_X, twin] = w.x
+        ruts.legs[row + LEG_Y, twin] = w.y
+        ruts.legs[row + LEG, twin] = float(leg)
+    return (leg << WHEEL_BITS) | wheel
+
+
+@wp.func
+def count_pass(ruts: Ruts, twin: int, node: int, bearing: int):
+    """Passes are not counted."""
+    return
+
+
+@wp.func
+def count_pass(ruts: PassRuts, twin: int, node: int, bearing: int):  # noqa: F811 (an overload)
+    """Count a wheel that is new to a node; ``bearing`` on it: which wheel, and on which leg (:func:`wheel_on_leg`)."""
+    kept = ruts.passes[twin, node]
+    passes = kept & MOST_PASSES
+    last = kept >> PASS_BITS
+    other = ((bearing ^ last) & ((1 << WHEEL_BITS) - 1)) != 0
+    legs = ((bearing >> WHEEL_BITS) - (last >> WHEEL_BITS)) & LEG_MASK
+    if passes == 0 or other or legs > 1:
+        passes = wp.min(passes + 1, MOST_PASSES)
+    ruts.passes[twin, node] = (bearing << PASS_BITS) | passes
+
+
+@wp.func
+def find_tile(ruts: Any, twin: int, column: int, row: int):
     """Slot of a tile, and whether it is there; where it is not, the slot that it would take, or −1 if it is too far away."""
     slots = ruts.keys.shape[1]
     slot = int(-1)
@@ -140,7 +256,7 @@ def find_tile(ruts: Ruts, twin: int, column: int, row: int):
 
 
 @wp.func
-def make_tile(ruts: Ruts, twin: int, column: int, row: int):
+def make_tile(ruts: Any, twin: int, column: int, row: int):
     """Slot of a tile, which is made where it is not there; −1 if there is no room."""
     slot, found = find_tile(ruts, twin, column, row)
     if not found:
@@ -153,12 +269,12 @@ def make_tile(ruts: Ruts, twin: int, column: int, row: int):
             first = slot * TILE * TILE
             nodes = int(TILE * TILE)
             for i in range(nodes):
-                ruts.depths[twin, first + i] = 0.0
+                clear_node(ruts, twin, first + i)
     return slot
 
 
 @wp.func
-def node_depth(ruts: Ruts, twin: int, column: int, row: int):
+def node_depth(ruts: Any, twin: int, column: int, row: int):
     """Deepest sinkage [m] of a node."""
     slot, found = find_tile(ruts, twin, column >> TILE_BITS, row >> TILE_BITS)
     depth = float(0.0)
@@ -193,8 +309,40 @@ def remembered(memory: Ruts, twin: int, x: float, y: float):  # noqa: F811 (an o
 
 
 @wp.func
-def press(ruts: Ruts, twin: int, w: Patch):
-    """Leave the trace of a tire: every node below it remembers its depth, if it was less deep."""
+def recall(memory: PassRuts, s: Soil, twin: int, x: float, y: float):  # noqa: F811 (an overload)
+    """Deepest sinkage [m] at the plan position (x, y) [m], as of :class:`Ruts` that of the shallowest of four nodes, and by
+    its passes how many times as deep wheels sink there as in virgin soil [-]."""
+    column = int(wp.floor(x * memory.inverse_cell))
+    row = int(wp.floor(y * memory.inverse_cell))
+    inside = (column & (TILE - 1)) < TILE - 1 and (row & (TILE - 1)) < TILE - 1  # all four in one tile
+    slot, found = find_tile(memory, twin, column >> TILE_BITS, row >> TILE_BITS)
+    least = float(1.0e6)
+    shallowest = int(-1)
+    nodes = int(4)
+    for i in range(nodes):
+        c = column + (i & 1)
+        r = row + (i >> 1)
+        if not inside and i > 0:
+            slot, found = find_tile(memory, twin, c >> TILE_BITS, r >> TILE_BITS)
+        depth = float(0.0)
+        node = int(-1)
+        if found:
+            node = (slot * TILE + (r & (TILE - 1))) * TILE + (c & (TILE - 1))
+            depth = memory.depths[twin, node]
+        if depth < least:
+            least = depth
+            shallowest = node
+    passes = int(0)
+    if shallowest >= 0:
+        passes = memory.passes[twin, shallowest] & MOST_PASSES
+    return least, pass_sinkage_factor(s, passes)
+
+
+@wp.func
+def press(ruts: Any, twin: int, first: int, w: Patch):
+    """Leave the trace of a tire, whose rows begin at ``first``: every node below it remembers its depth, if it was less
+    deep."""
+    bearing = wheel_on_leg(ruts, twin, first, w)
     end = half_chord(w.radius, w.depth)
     half = 0.5 * w.width
     reach = wp.sqrt(end * end + half * half)
@@ -221,20 +369,21 @@ def press(ruts: Ruts, twin: int, w: Patch):
                     slot = make_tile(ruts, twin, tile_column, tile_row)
                 if slot >= 0:
                     node = (slot * TILE + (row & (TILE - 1))) * TILE + (column & (TILE - 1))
+                    count_pass(ruts, twin, node, bearing)
                     if depth > ruts.depths[twin, node]:
                         ruts.depths[twin, node] = depth
 
 
 @wp.func
-def leave_trace(ruts: Ruts, soil: Soil, twin: int, first: int, w: Patch, length: float):
+def leave_trace(ruts: Any, soil: Soil, twin: int, first: int, w: Patch, length: float):
     """:func:`press` a tire, whose rows begin at ``first``, into the ground every few steps, and measure its rut."""
     age = ruts.wheels[first + AGE, twin] + 1.0
     if age >= PRESSED_EVERY:
         age = float(0.0)
-        press(ruts, twin, w)
-        deepest = wp.max(remembered(ruts, twin, w.x, w.y), w.sinkage)
-        dug = slip_sinkage_factor(soil, w.shear / length)
-        ruts.wheels[first + RUT, twin] = rut_depth(soil, w.width, length, dug, deepest)
+        press(ruts, twin, first, w)
+        deepest, before = recall(ruts, soil, twin, w.x, w.y)
+        dug = slip_sinkage_factor(soil, w.shear / length) * before
+        ruts.wheels[first + RUT, twin] = rut_depth(soil, w.width, length, dug, wp.max(deepest, w.sinkage))
     ruts.wheels[first + AGE, twin] = age
 
 
@@ -276,7 +425,7 @@ def standing(m: Tire, terrain: Any, ground: Any, rotation: wp.mat33, origin: wp.
 
 @wp.func
 def soil_step(
-    m: Tire, soil: Soil, ruts: Ruts, twin: int, first: int, at: Standing, velocity: wp.vec3, omega: wp.vec3, spin: float,
+    m: Tire, soil: Soil, ruts: Any, twin: int, first: int, at: Standing, velocity: wp.vec3, omega: wp.vec3, spin: float,
     h: float,
 ):  # fmt: skip
     """The tire's base in the soil after ``h`` [s] as the ground of its contact, the soil's forces [N] that this contact does

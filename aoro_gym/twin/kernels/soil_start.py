@@ -6,7 +6,18 @@ from typing import Any
 
 import warp as wp
 
-from aoro_gym.twin.kernels.soil import AGE, PRESSED_EVERY, SINKAGE, WHEEL_ROWS, Standing, standing
+from aoro_gym.twin.kernels.soil import (
+    AGE,
+    LEG,
+    LEG_ROWS,
+    LEG_X,
+    LEG_Y,
+    PRESSED_EVERY,
+    SINKAGE,
+    WHEEL_ROWS,
+    Standing,
+    standing,
+)
 from aoro_gym.twin.kernels.state import load_state
 from aoro_gym.twin.physics.bodies import hinge_rotation, wheel_centre
 from aoro_gym.twin.physics.soil import Soil, UniformRut, wheel_reaction
@@ -14,6 +25,7 @@ from aoro_gym.twin.physics.tires import Tire
 from aoro_gym.twin.records import MachineRecord, State
 
 HALVINGS = wp.constant(30)  # of an interval that holds the sinkage: to a nanometre
+FAR = wp.constant(1.0e9)  # [m] away, from where a wheel begins a leg at once
 
 
 @wp.kernel(enable_backward=False)
@@ -36,6 +48,18 @@ def forget(
         wheels[row, t] = 0.0
     for i in range(4):
         wheels[WHEEL_ROWS * i + AGE, t] = PRESSED_EVERY
+
+
+@wp.kernel(enable_backward=False)
+def begin_legs(legs: wp.array2d(dtype=float), mask: wp.array(dtype=wp.bool)):
+    """Wheels of the ``mask``'s twins begin a leg where they first leave a trace."""
+    t = wp.tid()
+    if not mask[t]:
+        return
+    for i in range(4):
+        legs[LEG_ROWS * i + LEG_X, t] = FAR
+        legs[LEG_ROWS * i + LEG_Y, t] = FAR
+        legs[LEG_ROWS * i + LEG, t] = 0.0
 
 
 @wp.func

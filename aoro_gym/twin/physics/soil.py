@@ -8,6 +8,9 @@
   soil that is Bekker's compaction resistance b (k_c/b + k_φ) z₀ⁿ⁺¹/(n + 1).
 - Slip sinkage, where a soil has it: Lyasko, a wheel that slips by s sinks κ = (1 + s)/(1 − s/2) times as deep under the
   same pressure, p(z/κ) in place of p(z); a soil may have a part c of it, κ = (1 + c s)/(1 − c s/2).
+- Passes, where a soil has them: the wheel that is the n-th over a place sinks n^m times as deep under the same pressure,
+  p(z/n^m), so zₙ = z₁ n^m of a plate. Forestry's z₁ n^(1/a) has m = 1/a, with a of 2 to 3 in loose soil, 3 to 4 in medium
+  and 4 to 5 in firm one. n changes as a wheel comes; what softens takes energy, and never gives any.
 - Sideways: passive earth pressure on the sunk flank, ½ γ z² N_φ + 2 c z √N_φ a metre (Rankine).
 
 The tire is a circle that its load flattens: depth z(x) = min(z₀, D − R + √(R² − x²)) at x [m] ahead of the axle. D is the
@@ -16,8 +19,9 @@ depth of the unloaded circle under the undisturbed surface, z₀ that of its fla
 Sources: Bekker, *Introduction to Terrain-Vehicle Systems* (1969); Wong, *Theory of Ground Vehicles* (4th ed. 2008), chapter
 2, and *Terramechanics and Off-Road Vehicle Engineering* (2nd ed. 2010), chapters 4 and 5; Janosi and Hanamoto (1st Int.
 Conf. Terrain-Vehicle Systems, 1961); Lyasko, *Slip sinkage effect in soil-vehicle mechanics* (J. Terramechanics 47, 2010,
-pp. 21–31), whose formula was read in open code that names it; a raster that remembers: Krenn and Hirzinger, *SCM – a soil
-contact model for planetary rover mobility simulations* (2008). Recalled, not read again (R).
+pp. 21–31), whose formula was read in open code that names it; Saarilahti, *Maastoliikkuvuuden perusteet* (1991), equation
+6.8 of passes, likewise; a raster that remembers: Krenn and Hirzinger, *SCM – a soil contact model for planetary rover
+mobility simulations* (2008). Recalled, not read again (R).
 
 Left out: the vertical part of shear on the arc, soil that the tire pushes ahead of it, lugs, rate of loading,
 and berms: all soil of a rut is taken as compacted.
@@ -59,6 +63,7 @@ class Soil:
     flank_cohesion: float  # [Pa] 2 c √N_φ
     flank_weight: float  # [N/m³] ½ γ N_φ
     slip_sinkage: float  # [-] c: part of Lyasko's slip sinkage
+    pass_exponent: float  # [-] m: the n-th wheel over a place sinks n^m times as deep
 
 
 @wp.struct
@@ -103,6 +108,13 @@ def remembered(memory: UniformRut, twin: int, x: float, y: float):
 
 
 @wp.func
+def recall(memory: Any, s: Soil, twin: int, x: float, y: float):
+    """Deepest sinkage [m] at the plan position (x, y) [m], and how many times as deep wheels sink there as in virgin soil
+    [-]: 1 where passes are not counted."""
+    return remembered(memory, twin, x, y), 1.0
+
+
+@wp.func
 def contact_width(m: Tire):
     """Width b [m] of a tire."""
     return 2.0 * (m.disc_offset_outer + EDGE)
@@ -123,11 +135,18 @@ def slip_sinkage_factor(s: Soil, slip: float):
 
 
 @wp.func
+def pass_sinkage_factor(s: Soil, passes: int):
+    """n^m [-] under the wheel that is the n-th over a place, which counts n ``passes``; 1 under the first."""
+    return wp.pow(float(wp.max(passes, 1)), s.pass_exponent)
+
+
+@wp.func
 def virgin_pressure(s: Soil, width: float, length: float, dug: float, sinkage: float):
     """Pressure [Pa] under a plate of ``width`` by ``length`` [m] at its first ``sinkage`` z [m], and its slope [Pa/m].
 
     p = (k_c/b + k_φ) (z/κ)ⁿ + 4 m (z/κ)²/D_h with D_h = 2 b ℓ/(b + ℓ), the hydraulic diameter of the plate, κ what the wheel
-    has ``dug`` by its slip (:func:`slip_sinkage_factor`), and 10⁸ N/m³ for each metre below the soft layer.
+    has ``dug`` by its slip (:func:`slip_sinkage_factor`) times what those before it have (:func:`pass_sinkage_factor`),
+    and 10⁸ N/m³ for each metre below the soft layer.
     """
     z = wp.max(sinkage, 1.0e-6) / dug
     bekker = (s.k_c / width + s.k_phi) * wp.pow(z, s.exponent)
@@ -181,8 +200,8 @@ def flank_pressure(s: Soil, z: float):
 def bearing_arc(s: Soil, memory: Any, twin: int, w: Patch, length: float, dug: float, end: float):
     """Half a chord [m] up to where soil bears on the arc whose ``end`` [m] lies ahead (behind, if negative) of the axle: up
     to its depth that stayed in a rut, as the soil remembers it there."""
-    deepest = remembered(memory, twin, w.x + end * w.east, w.y + end * w.north)
-    kept = wp.min(rut_depth(s, w.width, length, dug, deepest), w.sinkage)
+    deepest, before = recall(memory, s, twin, w.x + end * w.east, w.y + end * w.north)
+    kept = wp.min(rut_depth(s, w.width, length, dug * before, deepest), w.sinkage)
     return half_chord(w.radius, w.depth - kept)
 
 
@@ -229,8 +248,8 @@ def wheel_reaction(s: Soil, memory: Any, twin: int, w: Patch):
             place = wp.where(i == 8, flat, -flat) * BASE_PLACE
             out.flank += weight * flank_pressure(s, z)
         z = wp.max(z, 0.0)
-        deepest = remembered(memory, twin, w.x + place * w.east, w.y + place * w.north)
-        pressure, slope = soil_pressure(s, w.width, out.length, dug, z, deepest)
+        deepest, before = recall(memory, s, twin, w.x + place * w.east, w.y + place * w.north)
+        pressure, slope = soil_pressure(s, w.width, out.length, dug * before, z, deepest)
         out.load += w.width * weight * pressure
         out.resistance += w.width * weight * pressure * ahead
         if i >= 8:

@@ -328,6 +328,16 @@ def test_soil_that_is_wet_carries_less(name, dry, wet):
     assert pressures[0] == pytest.approx(virgin(Soil.preset(name), 0.1), rel=1e-12)
 
 
+def test_a_text_names_preset_moisture_and_laws():
+    """Passes and slip sinkage are off unless they are named; exponents lie between those of measured states."""
+    plain, all_of_it = Soil.named("sandy_loam:0.2"), Soil.named("sandy_loam:0.2+passes+slip_sinkage")
+    assert (plain.pass_exponent, plain.slip_sinkage, plain.has_passes) == (0.0, 0.0, False)
+    dry, wet = (Soil.named(f"sandy_loam:{water}+passes").pass_exponent for water in (0.11, 0.26))
+    assert wet < all_of_it.pass_exponent < dry and all_of_it.slip_sinkage == 1.0 and all_of_it.has_passes
+    assert all_of_it.k_phi == plain.k_phi and all_of_it.bytes_per_twin - plain.bytes_per_twin == 1024 * 64 * 4
+    assert Soil.preset("snow", pass_exponent=[0.0, 0.2]).has_passes  # of one's own, in one twin of two
+
+
 def test_a_sunk_flank_is_held_by_passive_earth_pressure():
     """∫ 2 c z √N_φ + ½ γ z² N_φ over the length that is sunk; on arcs within the bound of a function that goes to 0 as
     1 − s, and float32."""
@@ -356,8 +366,17 @@ def test_bad_soils_are_named():
         ({"name": "peat", "tiles": 1000}, "tiles is 1000, but must be a power of two"),
         ({"name": "peat", "cohesion": -1.0}, "cohesion"),
         ({"name": "peat", "stickiness": 1.0}, "stickiness"),
+        ({"name": "snow", "passes": True}, "snow has no known pass_exponent"),
+        ({"name": "peat", "pass_exponent": 1.5}, "pass_exponent"),
         ({"name": "peat", "cohesion": [1.0, 2.0], "k_phi": [1e6] * 3}, "differ in length"),
     ):
         with pytest.raises(ValueError, match=message):
             Soil.preset(**arguments)
+    for text, message in (
+        ("peat+mud", "soil law is .mud."),
+        ("clay:wet", "moisture 'wet'"),
+        ("snow+passes", "no known"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            Soil.named(text)
     assert changed(device_records(LOOSE), k_c=1.0)["k_c"] == 1.0
