@@ -115,7 +115,7 @@ def curves(results: Path, scale: Scale) -> Any:
             axes.grid(True)
             axes.set_axisbelow(True)
             axes.spines[["top", "right"]].set_visible(False)
-            axes.legend(frameon=False, fontsize=8.5)
+            axes.legend(frameon=False, fontsize=8.5, loc="lower left" if axes is ablations else "upper left")
         for axes in (sizes, transfer):
             axes.set_ylim(bottom=0.0)
     return figure

@@ -39,4 +39,4 @@ SCALES = {
     ),
     "gpu": Scale((240, 320), (100, 500, 3000), 500, 400, 20, (0, 5, 20, 80), (80, 160), 16_000, 6000, 1000, 32),
 }
-"""``cpu`` is what the page of evidence tells; ``gpu`` has not been run to its end."""
+"""``gpu`` is what the page of evidence tells first, ``cpu`` what it tells below."""
