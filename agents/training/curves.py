@@ -1,6 +1,8 @@
 """Learning curves: what the evaluations of several trainings found, beside the reference controllers on the same episodes.
 
-Trainings that differ by their seed alone make one curve: the mean over the seeds, within the least and the largest of them.
+Trainings that differ by their seed alone make one curve: the interquartile mean over the seeds with its 95 % interval, by
+the stratified bootstrap of R. Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice",
+NeurIPS 2021, whose strata are tasks. Here there is one, so all seeds are of one stratum.
 """
 
 from __future__ import annotations
@@ -26,6 +28,7 @@ from aoro_gym.agents.evaluation.metrics import (
 )
 from aoro_gym.agents.evaluation.plots import COLOURS, saved_figure
 from aoro_gym.agents.evaluation.result import Evaluation
+from aoro_gym.agents.evaluation.statistics import Interval, interquartile_mean, plain, stratified_interval
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.run_folder import EVALUATIONS, load_run
@@ -58,6 +61,13 @@ class LearningCurve:
     def name(self) -> str:
         """Of the algorithm, and where it learned on from, if it did."""
         return self.plan.algo if self.plan.start is None else f"{self.plan.algo}, from {Path(self.plan.start).stem}"
+
+    def over_seeds(self, name: str) -> list[Interval]:
+        """Interquartile mean of a metric over the seeds that have it, at each evaluation, and the 95 % interval of that of
+        other seeds; no interval of one seed. Of fewer than four seeds it is the mean."""
+        strata = np.zeros(len(self.seeds), dtype=np.intp)
+        found = (stratified_interval(each, strata, statistic=interquartile_mean) for each in self.metrics[name].T)
+        return [one._replace(episodes=None) for one in found]
 
 
 def read(folders: Sequence[Path]) -> list[LearningCurve]:
@@ -223,11 +233,18 @@ def to_json(curves: Sequence[LearningCurve], beside: Evaluation) -> dict[str, An
                 "steps": one.steps,
                 "minutes": one.minutes,
                 "figures": {name: _plain(values) for name, values in one.metrics.items()},
+                "over_seeds": _over_seeds(one),
             }
             for one in curves
         ],
         "references": beside.to_json()["policies"],
     }
+
+
+def _over_seeds(curve: LearningCurve) -> dict[str, dict[str, dict[str, float | None]]]:
+    """Interquartile means and intervals by metric and steps."""
+    steps = [str(one) for one in curve.steps]
+    return plain({name: dict(zip(steps, curve.over_seeds(name), strict=True)) for name in curve.metrics})
 
 
 def _plain(values: np.ndarray) -> Any:
@@ -245,28 +262,28 @@ def table(curves: Sequence[LearningCurve], beside: Evaluation) -> Comparison:
     found: list[tuple[tuple[float, float], list[str]]] = []
     decisive = TASKS[beside.env].decisive[0]
     for one in curves:
-        last = {name: scale * one.metrics[name][:, -1] for name, scale in metrics.items()}
-        cells = [_mean_and_range(values, bool(one.bounds[name][:, -1].any())) for name, values in last.items()]
+        last = {name: one.over_seeds(name)[-1] for name in metrics}
+        cells = [_cell(last[name], scale, bool(one.bounds[name][:, -1].any())) for name, scale in metrics.items()]
         row = [one.name, str(len(one.seeds)), f"{one.steps[-1]:,}", f"{one.minutes[-1]:.1f}", *cells]
-        found.append((_rank(float(np.mean(last[SUCCESS])), float(np.mean(last[decisive])), decisive), row))
+        found.append((_rank(last[SUCCESS].mean, last[decisive].mean, decisive), row))
     for policy, values in beside.summary.items():
         cells = [
-            _mean_and_range(np.array([scale * values[name].mean]), values[name].bounds > 0)
+            _cell(Interval(values[name].mean, np.nan, np.nan), scale, values[name].bounds > 0)
             for name, scale in metrics.items()
         ]
-        success = display_factor("%") * values[SUCCESS].mean
-        found.append((_rank(success, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
+        found.append((_rank(values[SUCCESS].mean, values[decisive].mean, decisive), [policy, "", "", "", *cells]))
     rows = [row for _, row in sorted(found, key=lambda one: one[0])]
-    return Comparison(f"{beside.env}: last evaluation, the best first", head, rows, note="≥: a lower bound")
+    note = "interquartile mean over the seeds [95 %]; ≥: a lower bound"
+    return Comparison(f"{beside.env}: last evaluation, the best first", head, rows, note=note)
 
 
-def _mean_and_range(values: np.ndarray, bound: bool) -> str:
-    """Mean and range of a metric over the seeds that have it."""
-    known = values[np.isfinite(values)]
-    if not known.size:
+def _cell(value: Interval, scale: float, bound: bool) -> str:
+    """A metric in the unit that is shown, with its interval, if there is one."""
+    if not np.isfinite(value.mean):
         return "-"
-    text = f"{'≥ ' if bound else ''}{np.mean(known):.3g}"
-    return text + (f" ({min(known):.3g} to {max(known):.3g})" if len(values) > 1 else "")
+    text = f"{'≥ ' if bound else ''}{scale * value.mean:.3g}"
+    between = f" [{scale * value.low95:.3g}, {scale * value.high95:.3g}]"
+    return text + (between if np.isfinite(value.low95) else "")
 
 
 def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
@@ -275,7 +292,8 @@ def _rank(success: float, value: float, decisive: str) -> tuple[float, float]:
 
 
 def write_figure(curves: Sequence[LearningCurve], beside: Evaluation, path: Path) -> None:
-    """A panel for each metric over the steps: mean and spread of the seeds, and the controllers as dashed lines."""
+    """A panel for each metric over the steps: interquartile mean of the seeds with its interval, paler from the least to the
+    largest of them, and the controllers as dashed lines."""
     metrics = compared(beside.env)
     with saved_figure(path, 3.9 * len(metrics), 3.4) as figure:
         for axis, name in zip(figure.subplots(1, len(metrics), squeeze=False)[0], metrics, strict=True):
@@ -285,7 +303,7 @@ def write_figure(curves: Sequence[LearningCurve], beside: Evaluation, path: Path
             axis.set_xlabel("million environment steps")
             axis.grid(True)
             axis.spines[["top", "right"]].set_visible(False)
-        figure.axes[-1].legend(frameon=False, fontsize=8.0)
+        figure.axes[-1].legend(framealpha=0.85, edgecolor="none", fontsize=8.0)
 
 
 def _draw_curves(axis: Any, curves: Sequence[LearningCurve], beside: Evaluation, name: str) -> None:
@@ -294,10 +312,12 @@ def _draw_curves(axis: Any, curves: Sequence[LearningCurve], beside: Evaluation,
     scale, shown = display_factor(unit), []
     for k, one in enumerate(curves):
         values, colour = scale * one.metrics[name], COLOURS[k % len(COLOURS)]
+        mean, low, high = scale * np.array([each[:3] for each in one.over_seeds(name)]).T
         steps = np.array(one.steps) / 1e6
         label = f"{one.name}, {len(one.seeds)} seed{'s' * (len(one.seeds) > 1)}, {one.minutes[-1]:.0f} min"
-        axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.18, lw=0.0)
-        axis.plot(steps, values.mean(axis=0), "o-", color=colour, ms=3.5, lw=1.6, label=label)
+        axis.fill_between(steps, values.min(axis=0), values.max(axis=0), color=colour, alpha=0.12, lw=0.0)
+        axis.fill_between(steps, low, high, color=colour, alpha=0.25, lw=0.0)
+        axis.plot(steps, mean, "o-", color=colour, ms=3.5, lw=1.6, label=label)
         shown += [*values[:, len(steps) // 3 :].ravel()]
     for k, (policy, found) in enumerate(beside.summary.items()):
         value = scale * found[name].mean

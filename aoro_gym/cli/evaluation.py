@@ -318,9 +318,14 @@ def robustness(
 
 TrainingsArgument = Annotated[list[Path], argument("FOLDER...", "Of 'aoro-gym train', done or on the way.")]
 
+PlaceOption = Annotated[
+    str | None, option("--device", "DEVICE", "Where the controllers drive. Default: where the trainings ran.")
+]
+
 
 def curves(
     folders: TrainingsArgument,
+    device: PlaceOption = None,
     out: options.FolderOption = Path("curves"),
     restart: options.RestartOption = False,
     accept_code_change: options.AcceptCodeChangeOption = False,
@@ -329,13 +334,15 @@ def curves(
 ) -> None:
     """Learning curves of trainings, beside the reference controllers on the episodes that they were evaluated on.
 
-    Trainings that differ by their seed alone make one curve, the mean over the seeds, with a band from the least to the
-    largest of them. FOLDER gets curves.png and curves.json.
+    Trainings that differ by their seed alone make one curve, the interquartile mean over the seeds, in a band of its 95 %
+    interval and a paler one from the least to the largest of them. FOLDER gets curves.png and curves.json. Trainings of a
+    GPU are drawn elsewhere with --device: there the controllers drive.
 
     [bold]Examples[/]
 
-      for s in 0 1 2; do aoro-gym train --env AORO/Turning-v0 --seed $s --out runs/turning_$s; done
+      for s in 0 1 2 3 4; do aoro-gym train --env AORO/Turning-v0 --seed $s --out runs/turning_$s; done
       aoro-gym curves runs/turning_*
+      aoro-gym curves runs/of_a_gpu_* --device cpu:simd
     """
     with checking_input():
         from aoro_gym.agents.evaluation.cached_episodes import accepted
@@ -344,7 +351,7 @@ def curves(
 
         options.check_folder(out, "curves.json")
         found = drawing.read(folders)
-        plan = found[0].plan
+        plan = found[0].plan if device is None else replace(found[0].plan, device=device)
         chosen = options.load(
             options.run_spec(plan.machine, plan.set, plan.scale, plan.device, laws=plan.laws), draw=False
         )

@@ -51,6 +51,29 @@ def test_seeds_make_one_curve(tmp_path):
     assert started[0].name == "ppo, from taught"
 
 
+def test_a_curve_is_the_interquartile_mean_over_the_seeds(tmp_path):
+    """Of five, the middle three count in full, by SciPy's trimmed mean; a wild one does not move it."""
+    values = [1.0, 2.0, 4.0, 6.0, 1000.0]
+    folders = [trained(tmp_path / str(k), replace(PLAN, seed=k), [value, 3.0]) for k, value in enumerate(values)]
+    (one,) = read(folders)
+    first, last = one.over_seeds("overshoot_deg")
+    assert first.mean == 4.0  # (2 + 4 + 6) / 3
+    assert 1.0 <= first.low95 <= 4.0 <= first.high95 <= 1000.0
+    assert last[:3] == (3.0, 3.0, 3.0)
+    (alone,) = read(folders[:1])
+    assert alone.over_seeds("overshoot_deg")[0].mean == 1.0 and np.isnan(alone.over_seeds("overshoot_deg")[0].low95)
+
+
+def test_trainings_of_a_gpu_are_drawn_without_one(tmp_path):
+    folder = trained(tmp_path / "a", replace(PLAN, device="cuda:99"), [0.5])
+    out = tmp_path / "out"
+    call = ["curves", str(folder), "--out", str(out)]
+    shown = CliRunner().invoke(app, call)
+    assert shown.exit_code == 2 and "cuda:99" in shown.output
+    shown = CliRunner().invoke(app, [*call, "--device", "cpu"], catch_exceptions=False)
+    assert shown.exit_code == 0 and (out / "curves.json").exists()
+
+
 def test_failed_episodes_of_an_older_version_are_not_drawn(tmp_path):
     """It let them count: a policy that never settles was the quickest."""
     folder = trained(tmp_path / "a", PLAN, [0.5, 1.0])
@@ -112,4 +135,7 @@ def test_the_command_draws_them_beside_the_controllers(tmp_path):
     assert found["curves"][0]["figures"]["success_rate"] == [[0.4, 0.6], [0.4, 0.7]]
     assert set(found["references"]) == {"bang-bang", "proportional-derivative"}
     words = " ".join(shown.output.split())
-    assert "0.65 (0.6 to 0.7)" in words and "bang-bang" in words and "wrote" in words
+    assert found["curves"][0]["over_seeds"]["overshoot_deg"]["200"] == pytest.approx(
+        {"mean": 0.65, "low95": 0.6, "high95": 0.7}
+    )
+    assert "0.65 [0.6, 0.7]" in words and "bang-bang" in words and "wrote" in words
