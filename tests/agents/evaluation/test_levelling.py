@@ -93,8 +93,8 @@ def test_environments_that_reset_themselves_are_refused():
         level_lanes(env, Still(env), [0])
 
 
-def test_the_shipped_policy_levels():
-    policies = {"levelling-dagger": policy_factory(ENV, "levelling-dagger")}
-    run = evaluate(ENV, policies, episodes=2, seed=4, courses=[SLOPE]).runs["levelling-dagger"]
-    assert run.endings == ["end of path reached"] * 2
-    assert np.all(run.metrics["tilt_rms_deg"] < 0.6 * 4.0)
+def test_the_shipped_policies_level():
+    policies = {name: policy_factory(ENV, name) for name in ("levelling-dagger", "levelling-ppo")}
+    for run in evaluate(ENV, policies, episodes=2, seed=4, courses=[SLOPE]).runs.values():
+        assert run.endings == ["end of path reached"] * 2
+        assert np.all(run.metrics["tilt_rms_deg"] < 0.6 * 4.0)
