@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES
-from aoro_gym.agents.evaluation.evaluate import asked_of, evaluate
+from aoro_gym.agents.evaluation.evaluate import asked_of, evaluate, localised
 from aoro_gym.agents.evaluation.metrics import (
     BOUNDED,
     MORE_IS_BETTER,
@@ -39,6 +39,11 @@ from aoro_gym.execution.provenance import PROVENANCE, changed_inputs, listed
 from aoro_gym.machine import Machine
 from aoro_gym.reporting.style import INK, SOFT
 from aoro_gym.reporting.terminal import Comparison
+
+JUDGED_BY = (
+    "env", "eval_episodes", "terrain", "path", "path_length", "soil", "machine", "set", "scale", "localisation",
+)  # fmt: skip
+"""Fields of a plan that evaluations depend on."""
 
 
 @dataclass(frozen=True)
@@ -86,7 +91,7 @@ def read(folders: Sequence[Path]) -> list[LearningCurve]:
         raise ValueError("there is no training; give folders that 'aoro-gym train' wrote")
     first, *others = (members[0][0] for members in groups.values())
     for other in others:
-        for name in ("env", "eval_episodes", "terrain", "path", "path_length", "machine", "set", "scale"):
+        for name in JUDGED_BY:
             if getattr(other, name) != getattr(first, name):
                 raise ValueError(
                     f"{name} is {getattr(first, name)!r} in one training and {getattr(other, name)!r} in another; "
@@ -174,7 +179,7 @@ def check_inputs(folders: Sequence[Path], machine: Machine, held_out: Sequence[C
 
 def references_asked(plan: TrainingPlan, machine: Machine, held_out: Sequence[Course] | None) -> dict[str, Any]:
     """What :func:`references` depends on, by name."""
-    return asked_of(
+    asked = asked_of(
         plan.env,
         REFERENCE_POLICIES[plan.env],
         machine=machine,
@@ -182,6 +187,7 @@ def references_asked(plan: TrainingPlan, machine: Machine, held_out: Sequence[Co
         episodes=plan.eval_episodes,
         device=plan.device,
     )
+    return asked | localised(plan.env, plan.localisation)
 
 
 def references(
@@ -209,6 +215,7 @@ def references(
         machine=machine,
         soil=plan.soil,
         device=plan.device,
+        localisation=plan.localisation,
         kept=kept,
         progress=progress,
     )

@@ -3,14 +3,17 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from aoro_gym.agents.training import curves
 from aoro_gym.agents.training.curves import read
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.cli import app
+from aoro_gym.machine import Machine
 
 pytestmark = pytest.mark.usefixtures("short_episodes")
 
@@ -123,6 +126,21 @@ def test_what_cannot_be_drawn_is_named(tmp_path):
     shown = CliRunner().invoke(app, ["curves", str(tmp_path / "none"), "--out", str(tmp_path / "out")])
     assert shown.exit_code == 2 and "nothing was trained there" in " ".join(shown.output.split())
     assert not (tmp_path / "out").exists()
+
+
+def test_controllers_drive_with_the_pose_that_trainings_had(tmp_path, monkeypatch):
+    plan = replace(PLAN, env="AORO/PathTracking-v1", localisation="filter", device="cpu")
+    first, other = (
+        trained(tmp_path / "a", plan, [0.5]),
+        trained(tmp_path / "b", replace(plan, localisation=None), [0.5]),
+    )
+    with pytest.raises(ValueError, match="localisation is 'filter' in one training and None in another"):
+        read([first, other])
+    asked: dict[str, Any] = {}
+    monkeypatch.setattr(curves, "evaluate", lambda *_, **others: asked.update(others))
+    curves.references(plan, Machine.load("aoro"), None)
+    assert asked["localisation"] == "filter"
+    assert curves.references_asked(plan, Machine.load("aoro"), None)["localisation"] == "filter"
 
 
 def test_the_command_draws_them_beside_the_controllers(tmp_path):
