@@ -104,13 +104,13 @@ def environment(
         given = [rng.uniform(space.low, space.high, (count, *space.shape)).astype(np.float32) for _ in range(16)]
         actions = cycle([env.handed_out.asarray(each, env.handed_out.xp.float32) for each in given])
         env.step(next(actions))
-        _settle(env, actions)
         parts[kind] = lambda env=env, actions=actions: env.step(next(actions))
         if env._kernel_step is not None:  # a copy: episodes of the environment would end where nobody sees it
             other = copy.deepcopy(env)
             advanced, act = other._in_kernels(), next(actions)
             parts["twins"] = partial(other.twin.advance, other.task.control_step, sample_every=other.task.sample_step)
             parts["twins and kernels"] = partial(advanced.run, other.arrays.asarray(act, other.arrays.xp.float32))
+        _settle(env, actions)  # after the copy, before which what was drawn is given back
     return timed(parts, device, seconds)
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
-from functools import cache
+from functools import cache, lru_cache
 from importlib.util import find_spec
 from types import ModuleType
 from typing import Any
@@ -175,6 +175,20 @@ class Arrays:
         torch.cuda.current_stream(self.device).synchronize()
         return unpacked(here.numpy(), arrays)
 
+    def pinned(self, array: Array) -> Array:
+        """Memory of the host like the tensor ``array``, that a GPU reads and writes without waiting."""
+        import torch  # pyright: ignore[reportMissingImports]
+
+        return torch.empty(array.shape, dtype=array.dtype, pin_memory=self.device.type != "cpu")
+
+    def uploaded(self, values: NDArray[Any]) -> Array:
+        """``values`` of the host as a tensor; a GPU fetches them when it comes to it, so that the host may go on at once."""
+        import torch  # pyright: ignore[reportMissingImports]
+
+        here = self.pinned(torch.from_numpy(values))  # torch keeps such memory until it is fetched
+        here.numpy()[...] = values
+        return here.to(self.device, non_blocking=True)
+
     def alias(self, array: Any) -> Array:
         """The memory of a Warp array, not copied."""
         if self.on_host:
@@ -203,9 +217,18 @@ class Arrays:
         """Within it, Warp's launches and torch's on the same GPU follow each other as they are called."""
         if self.on_host or self.device.type == "cpu":
             return nullcontext()
+        import torch  # pyright: ignore[reportMissingImports]
         import warp
 
-        return warp.ScopedStream(warp.stream_from_torch(self.device))
+        return warp.ScopedStream(_warp_stream(torch.cuda.current_stream(self.device)))
+
+
+@lru_cache(maxsize=8)
+def _warp_stream(stream: Any) -> Any:
+    """Warp's name of a stream of torch's."""
+    import warp
+
+    return warp.stream_from_torch(stream)
 
 
 def packed(tensors: Sequence[Array]) -> Array:
@@ -256,11 +279,18 @@ def _arrays_on(device: str | None) -> Arrays:
 def namespace(*values: Any) -> Any:
     """The namespace of the first tensor among ``values``; NumPy for its arrays, numbers and sequences."""
     for value in values:
-        if not isinstance(value, np.ndarray | np.generic | int | float | Sequence):
+        known = _NAMESPACES.get(type(value))
+        if known is None and not isinstance(value, np.ndarray | np.generic | int | float | Sequence):
             from array_api_compat import array_namespace  # pyright: ignore[reportMissingImports]
 
-            return array_namespace(value)
+            known = _NAMESPACES[type(value)] = array_namespace(value)
+        if known is not None:
+            return known
     return np
+
+
+_NAMESPACES: dict[type, Any] = {}
+"""Of tensors, by their type."""
 
 
 def floats(value: Array) -> Array:

@@ -14,6 +14,7 @@ import warp as wp
 from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution import devices
 from aoro_gym.execution.device_names import SIMD
+from aoro_gym.execution.launches import RecordedLaunch
 from aoro_gym.machine.parameters import Machine
 from aoro_gym.recording.commands import ALL_COMMAND_BOUNDS
 from aoro_gym.terrains.plane import Plane
@@ -440,22 +441,37 @@ class Twin:
 
     def reset_marked(self) -> None:
         """What :meth:`reset` does, to the twins that :attr:`start_memory` marks, by what it holds of them, unchecked."""
-        wp.launch(
-            self._reset_kernel,
-            dim=self.num_twins,
-            inputs=[
-                self._machines, self.ground, self._mask, self._pose, self._numbers, self.state, self.commands,
-                self._history, self._clock, self._status,
-            ],
-            device=self.device,
-            block_dim=BLOCK_DIM,
-        )  # fmt: skip
+        inputs = self._reset_inputs()
+        wp.launch(self._reset_kernel, self.num_twins, inputs, device=self.device, block_dim=BLOCK_DIM)
         if self._crane is not None:
             self._crane.start(self._mask)
         if self._grounds.objects is not None:
             self._grounds.objects.clear(self._mask, self._numbers)
         if self._grounds.ruts is not None:
             self._grounds.ruts.start(self._machines, self._mask, self.state)
+
+    def _reset_inputs(self) -> list[Any]:
+        return [
+            self._machines, self.ground, self._mask, self._pose, self._numbers, self.state, self.commands, self._history,
+            self._clock, self._status,
+        ]  # fmt: skip
+
+    @property
+    def resets_in_one_launch(self) -> bool:
+        """Whether :meth:`recorded_reset` is all of a reset: without a crane, solid objects and soil."""
+        return self._crane is None and self._grounds.objects is None and self._grounds.ruts is None
+
+    def recorded_reset(self) -> RecordedLaunch:
+        """The launch of :meth:`reset_marked`, to be repeated; see :attr:`resets_in_one_launch`."""
+        inputs = self._reset_inputs()
+        return RecordedLaunch(self._reset_kernel, self.num_twins, inputs, device=self.device, block_dim=BLOCK_DIM)
+
+    @property
+    def machine_words(self) -> wp.array:
+        """The memory of :attr:`machines` as whole numbers of 4 bytes (records, words), for what writes them itself."""
+        records: Any = self._machines
+        shape = records.shape[0], records.strides[0] // 4
+        return wp.array(ptr=records.ptr, shape=shape, dtype=int, device=self.device)
 
     @property
     def load_slide(self) -> npt.NDArray[np.float32]:

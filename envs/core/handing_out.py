@@ -2,7 +2,7 @@
 
 The step of a task in kernels is one graph on a GPU (:mod:`aoro_gym.envs.core.kernel_step`) and leaves tensors there. Where
 NumPy's arrays are asked for, these are brought to the host in one copy at the end of a step, and in a second one where
-episodes begin in it. What is handed out is made of them on the host, as if all had been calculated there.
+the host begins episodes after it. What is handed out is made of them on the host, as if all had been calculated there.
 """
 
 from __future__ import annotations

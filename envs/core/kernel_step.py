@@ -1,4 +1,5 @@
-"""A control step as a few launches: those of a task around that of its twins, recorded once; on CUDA as one graph.
+"""A control step as a few launches: those of a task around that of its twins, and those that begin episodes where others
+end; recorded once, on CUDA as one graph.
 
 What stands in the launches are addresses, so all that they share with the host is written in place. Terms that are functions
 of the user's own are left to the host: they are asked after the launches, as those of tasks without kernels are.
@@ -8,12 +9,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
+from numpy.typing import NDArray
 
-from aoro_gym.envs.core.kernels.step import DONE, OWN, RUNNING, TERMINATED, TRUNCATED, StepMemory, rest_outputs
+from aoro_gym.envs.core.kernels.beginning import choose, write_drawn
+from aoro_gym.envs.core.kernels.step import (
+    BEGUN,
+    DONE,
+    OWN,
+    RUNNING,
+    TERMINATED,
+    TRUNCATED,
+    StepMemory,
+    rest_outputs,
+)
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import Array, Arrays, Index
 from aoro_gym.execution.launches import RecordedLaunch
@@ -21,6 +34,8 @@ from aoro_gym.twin.recorded import BLOCK_DIM
 
 Launch = tuple[Any, list[Any]]
 """A kernel and what it takes; one thread a sub-environment."""
+THREADS = 16_384
+"""Threads of a GPU that write the starts of episodes: some 30 begin in a step of 65,536, with 400 writes each."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +47,7 @@ class TaskKernels:
     after: Sequence[Launch]
     """Measurement and judgement."""
     rest: Launch
-    """First measurements of sub-environments at rest, one a thread; takes their rows before the rest."""
+    """First measurements of those whose episodes begin, at rest, one a thread, and what is logged then."""
     observe: Launch
     """Writes the observation."""
     rewarded: Sequence[Callable[[Any], Array]]
@@ -41,6 +56,20 @@ class TaskKernels:
     """Likewise of observation terms."""
     logged: Sequence[tuple[Sequence[str], Array]]
     """Names of the rows of arrays (rows, N): what is logged, in the order of ``Task.info``."""
+    begun: Sequence[tuple[Sequence[str], Array]]
+    """Likewise what ``rest`` logs."""
+
+
+class Logged(NamedTuple):
+    """Rows of infos, by name."""
+
+    names: Sequence[str]
+    ended: Array
+    """At the end of the step (rows, N)."""
+    begun: Array
+    """Of episodes that have begun in it (rows, N), or 0."""
+    nothing: Array
+    """0."""
 
 
 class KernelStep:
@@ -61,7 +90,9 @@ class KernelStep:
         """Actions as they were given (N, A)."""
         self.resetting, self.keeps = arrays.zeros(n, xp.bool), arrays.zeros(n, xp.bool)
         """Whose episode begins in the step, and whose observation stays as it was (N,)."""
-        self._flags = arrays.zeros(5, xp.int32)
+        self._flags = arrays.zeros(6, xp.int32)
+        self._clear: Callable[[], Any] = partial(self._flags.fill, 0) if arrays.on_host else self._flags.zero_
+        self._begun, self.known = arrays.zeros(n, xp.int64), arrays.zeros((5, n), xp.float32)
         self._values, self._rewards = arrays.zeros((terms, n), xp.float32), arrays.zeros(n, xp.float32)
         self._ending, self._ended = arrays.zeros(n, xp.int64), arrays.zeros((4, n), xp.bool)
         self._observation = env._observation
@@ -76,12 +107,20 @@ class KernelStep:
         self._before = [self._recorded(launch) for launch in kernels.before]
         self._after = [self._recorded(launch) for launch in kernels.after]
         self._observe = self._recorded(kernels.observe)
+        self._rest = [
+            self._recorded((rest_outputs, [self._memory, arrays.shared(self.known)])),
+            self._recorded(kernels.rest),
+        ]
+        self._drawn: Any = None
+        self._write: RecordedLaunch | None = None
+        self._begin: list[Callable[[], Any]] = []
+        self._final = self._observation
+        self._logged = self._all_logged(env, kernels)
         self._graph: Any = None
         self._runs = 0
         on_gpu = twin.device.is_cuda
-        self._events = [wp.Event(twin.device, enable_timing=True) for _ in range(2)] if on_gpu else []
-        self.seconds = 0.0
-        """Time [s] that a GPU took for the last step that it had done before another began."""
+        self._events = [[wp.Event(twin.device, enable_timing=True) for _ in range(2)] for _ in range(2 * on_gpu)]
+        self._on_host: list[tuple[Array, Array]] = []
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -95,9 +134,10 @@ class KernelStep:
         out.commands, out.outputs, out.state, out.status = twin.commands, twin.outputs, twin.state, twin.status_codes
         for name, array in (
             ("given", self.given), ("least", env._least_action), ("largest", env._largest_action),
-            ("steps", env._steps), ("resetting", self.resetting), ("flags", self._flags), ("values", self._values),
-            ("rewards", self._rewards), ("ending", self._ending), ("ended", self._ended), ("keeps", self.keeps),
-            ("lowest", env._lowest), ("highest", env._highest), ("observation", self._observation),
+            ("steps", env._steps), ("resetting", self.resetting), ("flags", self._flags), ("begun", self._begun),
+            ("values", self._values), ("rewards", self._rewards), ("ending", self._ending), ("ended", self._ended),
+            ("keeps", self.keeps), ("lowest", env._lowest), ("highest", env._highest),
+            ("observation", self._observation),
         ):  # fmt: skip
             setattr(out, name, arrays.shared(array))
         self._sources = (env._least_action, env._largest_action, env._steps, env._lowest, env._highest)
@@ -120,43 +160,64 @@ class KernelStep:
         for field, numbers in (("reward_kinds", rewards), ("observation_kinds", observations), ("columns", columns)):
             setattr(self._memory, field, wp.array(np.array(numbers, dtype=np.int32), dtype=int, device=device))
 
-    def _recorded(self, launch: Launch) -> RecordedLaunch:
+    def _all_logged(self, env: Any, kernels: TaskKernels) -> list[Logged]:
+        """What :class:`Logged` says of the reward terms, and of what the task logs."""
+        zeros, rewards = self._arrays.zeros, [f"reward/{name}" for name in env.task.reward_terms]
+        nothing = zeros((), self._values.dtype)
+        out = [Logged(rewards, self._values, nothing, nothing)]
+        for (names, ended), (_, begun) in zip(kernels.logged, kernels.begun, strict=True):
+            out.append(Logged(names, ended, begun, zeros((), ended.dtype)))
+        return out
+
+    def _recorded(self, launch: Launch, threads: int | None = None) -> RecordedLaunch:
         kernel, inputs = launch
-        return RecordedLaunch(kernel, self.num_envs, inputs, device=self._twin.device, block_dim=BLOCK_DIM)
+        dim = self.num_envs if threads is None else threads
+        return RecordedLaunch(kernel, dim, inputs, device=self._twin.device, block_dim=BLOCK_DIM)
 
     def run(self, actions: Array) -> None:
         """One control step under ``actions`` (N, A), observation included."""
-        if self._events:
-            if self._runs and not self.computing:
-                self.seconds = 1e-3 * wp.get_event_elapsed_time(self._events[0], self._events[1])
-            self._twin.device.stream.record_event(self._events[0])
+        events = self._events[self._runs % 2] if self._events else ()
+        if events:
+            self._twin.device.stream.record_event(events[0])
         self.given[...] = actions
         self._runs += 1
         if self._graph is not None:
             wp.capture_launch(self._graph)
         else:
             self._launch()
-        if self._runs == 1 and self._twin.device.is_cuda:  # what the launches need is loaded now
-            self._graph = self._captured()
-        if self._events:
-            self._twin.device.stream.record_event(self._events[1])
+            if events:  # what the launches need is loaded now
+                self._graph = self._captured()
+        for here, there in self._on_host:
+            here.copy_(there, non_blocking=True)
+        if events:
+            self._twin.device.stream.record_event(events[1])
 
     @property
     def computing(self) -> bool:
         """Whether the device is still at the last step, for which nothing waits."""
-        return bool(self._events) and self._runs > 0 and not self._events[1].is_complete
+        return bool(self._events) and self._runs > 0 and not self._events[(self._runs - 1) % 2][1].is_complete
+
+    @property
+    def seconds(self) -> float:
+        """Time [s] that a GPU took for the step before the last one, which it has done; 0 where there was none."""
+        if not self._events or self._runs < 2:
+            return 0.0
+        first, last = self._events[self._runs % 2]
+        return 1e-3 * wp.get_event_elapsed_time(first, last)
 
     def _launch(self) -> None:
         if self._twin.device.is_cuda:
             self._memory.flags.zero_()
         else:
-            self._flags[...] = 0
+            self._clear()
         for each in self._before:
             each.launch()
         self._advance(0, self.num_envs)
         for each in self._after:
             each.launch()
         self._observe.launch()
+        for call in self._begin:
+            call()
 
     def _captured(self) -> Any:
         """All launches as one graph; torch's own stream, where it is the default one, cannot be captured."""
@@ -176,13 +237,77 @@ class KernelStep:
 
         ``known`` are five numbers or arrays (K,), see :func:`aoro_gym.envs.core.kernels.step.rest_outputs`.
         """
-        device, shared = self._twin.device, self._arrays.shared(rows)
         values = np.array(np.broadcast_arrays(*known, np.zeros(len(rows)))[:-1], dtype=np.float32)
-        begun = wp.array(values, dtype=float, device=device)
-        inputs = [self._memory, shared, begun]
-        wp.launch(rest_outputs, dim=len(rows), inputs=inputs, device=device, block_dim=BLOCK_DIM)
-        kernel, inputs = self._kernels.rest
-        wp.launch(kernel, dim=len(rows), inputs=[shared, *inputs], device=device, block_dim=BLOCK_DIM)
+        self._arrays.put(self.known, (slice(None), rows), values)
+        self._choose(rows)
+        for each in self._rest:
+            each.launch()
+
+    def _choose(self, rows: Index) -> None:
+        """Let the episodes of ``rows`` (K,) be those that begin."""
+        self._begun[: len(rows)] = rows
+        self._flags[int(BEGUN)] = len(rows)
+
+    def take_drawn(self, drawn: Any, *, in_step: bool) -> None:
+        """Begin episodes that are drawn ahead.
+
+        Args:
+            drawn: A :class:`~aoro_gym.envs.core.kernels.beginning.Drawn`, whose arrays live as long as it is used, or None.
+            in_step: Whether they begin in the launches of a step in which others end.
+        """
+        memory = self._memory
+        if self._graph is not None:
+            wp.synchronize_device(self._twin.device)  # it may be at that graph
+        self._drawn, self._write, self._begin, self._graph, self._on_host = drawn, None, [], None, []
+        if drawn is None:
+            return
+        threads = THREADS if self._twin.device.is_cuda else 1
+        self._write = self._recorded((write_drawn, [memory, drawn, threads]), threads)
+        if in_step:
+            self._final = self._arrays.copy(self._observation)
+            rests = (each.launch for each in (*self._rest, self._observe))
+            self._begin = [
+                self._recorded((choose, [memory, drawn])).launch, self._keeping(), self._write.launch,
+                self._twin.recorded_reset().launch, *rests,
+            ]  # fmt: skip
+            if self._twin.device.is_cuda:
+                there = self._flags, self._ended[int(DONE)]
+                self._on_host = [(self._arrays.pinned(each), each) for each in there]
+
+    def _keeping(self) -> Callable[[], Any]:
+        """Keeps the observation at the end of a step."""
+        if not self._twin.device.is_cuda:
+            return partial(self._final.copy_, self._observation)
+        return partial(wp.copy, self._arrays.shared(self._final), self._memory.observation)
+
+    @property
+    def begins(self) -> bool:
+        """Whether episodes begin in the launches of a step."""
+        return bool(self._begin)
+
+    def begin(self, rows: Index) -> None:
+        """Begin the episodes of ``rows`` (K,) that are drawn."""
+        assert self._write is not None
+        self._choose(rows)
+        self._twin.start_memory[0].zero_()
+        self._write.launch()
+        self._twin.reset_marked()
+        for each in self._rest:
+            each.launch()
+
+    def wait(self) -> tuple[list[int], NDArray[np.bool_]]:
+        """The flags, and until the next step whose episode has ended (N,), when a step that begins episodes, too, is done;
+        not what was launched after it."""
+        if not self._on_host:
+            return self._flags.tolist(), self._ended[int(DONE)].numpy()
+        wp.synchronize_event(self._events[(self._runs - 1) % 2][1])
+        flags, done = (here for here, _ in self._on_host)
+        return flags.tolist(), done.numpy()
+
+    def results(self) -> tuple[list[Array], list[Logged]]:
+        """Of a step that begins episodes, too, in memory that the next one overwrites: the observation, that of its end,
+        rewards, reasons and rows of how episodes ended; and what is logged."""
+        return [self._observation, self._final, self._rewards, self._ending, self._ended], self._logged
 
     def told(self) -> None:
         """Let the task know that its arrays are those of another step."""
@@ -200,7 +325,7 @@ class KernelStep:
     @property
     def flags(self) -> Array:
         """See :mod:`aoro_gym.envs.core.kernels.step` (5,)."""
-        return self._flags
+        return self._flags[:5]
 
     def judged(self) -> tuple[Array, Array]:
         """Rewards (N,) by the terms that the kernels know, and which episodes terminate: until the next step."""

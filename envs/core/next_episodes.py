@@ -1,8 +1,9 @@
 """Episodes that are drawn before they begin: by the host, while the device computes.
 
 What an episode begins with is drawn by its sub-environment's generator alone, whenever that is; so it may be known long
-before it is needed, and many are drawn at once in about the time of one. What was drawn and is not used is given back:
-generators are as if it had not been.
+before it is needed, and many are drawn at once in about the time of one. It is kept on the device, as writes into the memory
+of task and twins, and the launches of a step begin it where another ends (:mod:`aoro_gym.envs.core.kernels.beginning`). What
+was drawn and is not used is given back: generators are as if it had not been.
 """
 
 from __future__ import annotations
@@ -11,10 +12,11 @@ import time
 from typing import Any
 
 import numpy as np
-import warp as wp
 from numpy.typing import NDArray
 
-from aoro_gym.execution.scatter import by_row, scatter_rows
+from aoro_gym.envs.core.kernels.beginning import Drawn
+from aoro_gym.execution.array_api import Array
+from aoro_gym.execution.scatter import by_row
 
 AT_ONCE = 64
 """Episodes that are drawn together; that many of thousands may go without one that is ready."""
@@ -27,23 +29,24 @@ class NextEpisodes:
 
     Args:
         num_envs: N.
+        in_step: Whether they begin in the launches of a step; else only by :meth:`begin`.
     """
 
-    def __init__(self, num_envs: int):
+    def __init__(self, num_envs: int, *, in_step: bool):
         self.ready = np.zeros(num_envs, dtype=bool)
         """Whose next episode is drawn (N,)."""
         self.failed: Exception | None = None
         """Why none is drawn any more; it is told when such an episode begins."""
+        self._in_step = in_step
+        self._ready_then = self.ready  # when the launches of the last step were
         self._batch = min(AT_ONCE, max(1, num_envs // SHARE))
         self._missed = 0  # episodes that began undrawn
         self._before: list[Any] = [None] * num_envs  # see _state_of
         self._drawn_of: tuple[Any, ...] = ()
-        self._places = np.zeros((3, 0), dtype=np.int64)
-        self._device_places: Any = None
-        self._bits = np.zeros((num_envs, 0), dtype=np.int64)
-        self._known = np.zeros((5, num_envs), dtype=np.float32)
-        self._records: NDArray[Any] | None = None
-        self._marks: Any = None  # of the twins that begin, with their poses and terrains
+        self._memory: tuple[Any, ...] = ()  # what else is written at a start, see _drawn
+        self._places: NDArray[np.int64] | None = None  # None: nothing is there on the device
+        self._replaced = False  # whether what was drawn is for arrays that are used no more
+        self._on_device: dict[str, Array] = {}  # see Drawn
 
     def draw(self, env: Any) -> bool:
         """Draw a batch of episodes, if so many are missing; gives whether it did.
@@ -51,33 +54,55 @@ class NextEpisodes:
         Args:
             env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`.
         """
-        waiting, batch = np.flatnonzero(~self.ready), self._batch
-        if self.failed is not None or len(waiting) < batch:
+        missing = ~self.ready
+        if not env.task.randomisation.varies_machine:
+            missing &= ~env._machine_changed  # these get the machine of all back
+        waiting, batch = np.flatnonzero(missing), self._batch
+        if self.failed is not None or self._replaced or len(waiting) < batch:
             return False
-        self._forget_others(env)
-        if self._marks is None:
-            self._marks = [env.arrays.alias(each) for each in env.twin.start_memory]
+        if not self._drawn_of:
+            self.renew(env)
         rows = waiting[:batch]
         before = [_state_of(env.generators[i]) for i in rows]
         try:
-            places, bits, known, records = _drawn(env, rows, self._marks)
+            places, bits = _drawn(env, rows, self._memory_of(env))
         except Exception as error:  # whatever it is: it is raised again where the episode begins
             self.failed = error
             _restore(before)
             return False
-        if not np.array_equal(places, self._places):  # arrays were replaced
-            self.forget(env)
-            self._places = places
-            self._device_places = wp.array(places, dtype=wp.int64, device=env.twin.device)
-            self._bits = np.empty((len(self.ready), bits.shape[1]), dtype=np.int64)
-        if records is not None:
-            if self._records is None:
-                self._records = np.empty(len(self.ready), dtype=records.dtype)
-            self._records[rows] = records
-        self._bits[rows], self._known[:, rows], self.ready[rows] = bits, known, True
+        if self._places is None:
+            self._allocate(env, places)
+        elif not np.array_equal(places, self._places):  # arrays were replaced
+            self._replaced = True
+            _restore(before)
+            return False
+        index = env.arrays.uploaded(rows)
+        self._on_device["bits"].index_copy_(0, index, env.arrays.uploaded(bits))
+        self._on_device["ready"].index_fill_(0, index, True)
+        self.ready[rows] = True
         for i, each in zip(rows, before, strict=True):
             self._before[i] = each
         return True
+
+    def _memory_of(self, env: Any) -> tuple[Any, ...]:
+        if not self._memory:
+            twin = env.twin
+            self._memory = tuple(env.arrays.alias(each) for each in (*twin.start_memory, twin.machine_words))
+        return self._memory
+
+    def _allocate(self, env: Any, places: NDArray[np.int64]) -> None:
+        """Make room on the device for what is written to ``places`` (3, M), and let steps begin it."""
+        arrays, xp, drawn = env.arrays, env.arrays.xp, Drawn()
+        self._places = places
+        self._on_device = {
+            "ready": arrays.zeros(len(self.ready), xp.bool),
+            "places": arrays.asarray(places, xp.int64),
+            "bits": arrays.zeros((len(self.ready), places.shape[1]), xp.int64),
+            "marks": self._memory[0],
+        }
+        for name, array in self._on_device.items():
+            setattr(drawn, name, arrays.shared(array))
+        env._kernel_step.take_drawn(drawn, in_step=self._in_step)
 
     def draw_during(self, env: Any, step: Any) -> None:
         """Draw a batch while the device is at a step, and more: as many episodes as began undrawn since the last one, and
@@ -96,6 +121,25 @@ class NextEpisodes:
             if not fits and count * self._batch >= missed:
                 return
 
+    def launched(self, env: Any) -> None:
+        """The launches of a step follow, which begin those episodes that are ready now."""
+        self.renew(env)
+        self._ready_then = self.ready.copy()
+
+    def began(self, env: Any, ended: NDArray[np.intp]) -> NDArray[np.intp]:
+        """Take note of what the launches of a step began; gives those of whom none was drawn.
+
+        Args:
+            env: See :meth:`draw`.
+            ended: Sub-environments (K,) whose episode has ended in it.
+        """
+        drawn = self._ready_then[ended]
+        begun = ended[drawn]
+        self.ready[begun] = False
+        if env.task.randomisation.varies_machine:
+            env._machine_changed[begun] = True
+        return ended[~drawn]
+
     def begin(self, env: Any, where: NDArray[np.intp]) -> NDArray[np.intp]:
         """Begin those episodes of the sub-environments ``where`` (K,) that are drawn; gives the others.
 
@@ -103,67 +147,67 @@ class NextEpisodes:
             env: See :meth:`draw`.
             where: Sub-environments.
         """
-        self._forget_others(env)
+        self.renew(env)
         usable = self.ready[where]
-        if not env.task.randomisation.varies_machine:
-            usable &= ~env._machine_changed[where]  # these get the machine of all back
         rows, others = where[usable], where[~usable]
         self._missed += len(others)
-        self.forget(env, others)
         if len(rows):
             self._begin(env, rows)
         return others
 
     def forget(self, env: Any, where: NDArray[np.intp] | None = None) -> None:
-        """Give back what was drawn for the sub-environments ``where``, all by default."""
+        """Give back what was drawn for the sub-environments ``where``, all by default; not while a step begins it."""
         known = np.flatnonzero(self.ready) if where is None else where[self.ready[where]]
-        _restore([self._before[i] for i in known])
-        self.ready[known] = False
+        if len(known):
+            _restore([self._before[i] for i in known])
+            self.ready[known] = False
+            self._on_device["ready"].index_fill_(0, env.arrays.uploaded(known), False)
 
-    def _forget_others(self, env: Any) -> None:
-        """Forget what was drawn of other settings than those of now."""
+    def renew(self, env: Any) -> None:
+        """Forget what was drawn of other settings than those of now, or for other arrays."""
         now = env.task.randomisation, env.task.config
         if len(self._drawn_of) != len(now) or any(a is not b for a, b in zip(self._drawn_of, now, strict=True)):
+            self._replaced = self._places is not None  # other machines may be written
+            self._drawn_of = now
+        if self._replaced:
             self.forget(env)
-            self._drawn_of, self._records = now, None
+            env._kernel_step.take_drawn(None, in_step=False)
+            self._replaced, self._places, self._on_device = False, None, {}
 
     def _begin(self, env: Any, rows: NDArray[np.intp]) -> None:
-        twin, arrays = env.twin, env.arrays
-        index = arrays.index(rows)
-        if self._records is not None:
-            twin.set_records(rows.astype(np.int32), self._records[rows])
+        env._kernel_step.begin(env.arrays.index(rows))
+        if env.task.randomisation.varies_machine:
             env._machine_changed[rows] = True
-        twin.start_memory[0].zero_()
-        bits = wp.array(self._bits[rows], dtype=wp.int64, device=twin.device)
-        inputs = [self._device_places, arrays.shared(index), bits]
-        wp.launch(scatter_rows, dim=bits.shape, inputs=inputs, device=twin.device)
-        twin.reset_marked()
-        env._rest_in_kernels(rows, index, self._known[:, rows])
+        env._rested_in_kernels(rows)
         self.ready[rows] = False
 
 
-def _drawn(
-    env: Any, rows: NDArray[np.intp], marks: Any
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32], NDArray[Any] | None]:
+def _drawn(env: Any, rows: NDArray[np.intp], memory: tuple[Any, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """What episodes of the sub-environments ``rows`` (K,) begin with: places (3, M) and bits (K, M) of
-    :func:`aoro_gym.execution.scatter.by_row`, what is known at rest (5, K), and records (K,) of machines that vary."""
-    task, twin, arrays = env.task, env.twin, env.arrays
+    :func:`aoro_gym.execution.scatter.by_row`.
+
+    ``memory`` are the twins' marks, poses, terrains and machines, which are written beside the task's.
+    """
+    task, twin, arrays, (*start_memory, machines) = env.task, env.twin, env.arrays, memory
     generators = [env.generators[i] for i in rows]
     draws = task.randomisation.draw(generators)
     machine = draws.apply(twin.machine.variants(rows))
-    records = twin.checked_records(rows, machine) if task.randomisation.varies_machine else None
     with arrays.kept() as writes:
         start = task.start(rows, generators, draws, machine, {})
         index = arrays.index(rows)
         arrays.put(env._steps, index, 0)
         pose, numbers = twin.checked_start(len(rows), start.position, start.heading, start.joint_angle, start.terrain)
         for array, place, values in zip(
-            marks, (index, (slice(None), index), index), (True, pose, numbers), strict=True
+            start_memory, (index, (slice(None), index), index), (True, pose, numbers), strict=True
         ):
             arrays.put(array, place, values)
-    known = np.stack(np.broadcast_arrays(*env._known_at_rest(start, machine), np.zeros(len(rows)))[:-1])
+        known = np.stack(np.broadcast_arrays(*env._known_at_rest(start, machine), np.zeros(len(rows)))[:-1])
+        arrays.put(env._kernel_step.known, (slice(None), index), known)
+        if task.randomisation.varies_machine:
+            records = twin.checked_records(rows, machine)
+            arrays.put(machines, index, records.view(np.int32).reshape(len(rows), -1))
     tensors, indices, values = zip(*writes, strict=True)
-    return *by_row(tensors, indices, values, len(rows)), known.astype(np.float32), records
+    return by_row(tensors, indices, values, len(rows))
 
 
 def _state_of(generator: np.random.Generator) -> tuple[np.random.Generator, Any, int]:

@@ -27,6 +27,7 @@ from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.ruts import rut_infos
+from aoro_gym.envs.core.step_results import step_results
 from aoro_gym.envs.core.task import Outputs, Start, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
@@ -44,6 +45,7 @@ Infos = dict[str, Any]
 BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
 BASE_OPTIONS_SET = frozenset(BASE_OPTIONS)
+NOBODY: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 OUTPUTS = ("numpy", "torch")
 """Kinds of arrays that environments hand out."""
 
@@ -92,10 +94,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     calculates with NumPy, which takes longer. Terms that replace others later are given tensors then.
 
     With ``output="torch"`` all that :meth:`reset` and :meth:`step` hand out are tensors on the twins' device, and actions
-    may be such tensors; nothing of it comes to the host, which reads a few flags a step, and what ended if something did.
+    may be such tensors; nothing of it comes to the host, which reads a few flags a step, and who ended.
     Starts are drawn on the host, by each sub-environment's generator, and uploaded for those that begin. Where the step is
-    in kernels, and resets are automatic, they are drawn ahead while the device computes
-    (:mod:`aoro_gym.envs.core.next_episodes`).
+    in kernels, and resets are automatic, they are drawn ahead while the device computes; with ``SAME_STEP`` the launches of
+    a step begin them (:mod:`aoro_gym.envs.core.next_episodes`).
     What differs from NumPy's arrays:
 
     - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you
@@ -387,10 +389,15 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _rest_in_kernels(self, where: NDArray[np.intp], rows: Index, known: Sequence[Any]) -> None:
         """What :meth:`_rest` does, by kernels; ``rows`` are ``where`` on the device."""
+        assert self._kernel_step is not None
+        self._kernel_step.rest(rows, known)
+        self._rested_in_kernels(where)
+
+    def _rested_in_kernels(self, where: NDArray[np.intp]) -> None:
+        """Kernels have begun episodes of the sub-environments ``where``."""
         kernels = self._kernel_step
         assert kernels is not None
         self._done[where] = False
-        kernels.rest(rows, known)
         self._outputs, self._status = kernels.outputs, kernels.status
         kernels.told()
 
@@ -500,6 +507,10 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def _advance(self, actions: Array, resetting: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Infos]:
         """A control step; those that are ``resetting`` begin an episode in it."""
         arrays, kernels = self.arrays, self._in_kernels()
+        if kernels is not None and self._next is not None:
+            self._next.launched(self)
+            if kernels.begins:
+                return self._advance_and_begin(kernels, self._next, actions)
         judged = self._judged(actions, resetting) if kernels is None else self._told(kernels, actions, resetting)
         infos = {f"reward/{name}": value for name, value in zip(self.task.reward_terms, judged.values, strict=True)}
         infos |= self._logged(judged.infos)
@@ -515,13 +526,9 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._observe_in_kernels(kernels, again=bool(resetting.any()))
         # all that the host waits for
         flags = self._flags(judged) if kernels is None or kernels.has_own else kernels.flags
-        unmeant, wrong_reward, wrong_observation, any_terminated, any_done = arrays.host(flags)
-        if unmeant:
-            self._complain_of_action(judged.meant())
-        if wrong_reward:
-            self._complain_of_reward(judged.values)
-        if wrong_observation:
-            self._complain_of_observation()
+        *wrong, any_terminated, any_done = arrays.host(flags)
+        if any(wrong):
+            self._complain(wrong, judged.meant(), judged.values)
         observation = self._observation
         if self._brings_home:
             judged, infos, observation = self._brought(judged, infos)
@@ -537,6 +544,51 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             infos = _with_masks(infos, masks)
         observation = observation if self._brings_home else self._handed_out(self._observation)
         return observation, judged.rewards, judged.terminated, judged.truncated, infos
+
+    def _advance_and_begin(
+        self, kernels: KernelStep, following: NextEpisodes, actions: Array
+    ) -> tuple[Array, Array, Array, Array, Infos]:
+        """A control step whose launches also begin the episodes ``following``, those that are drawn, where others end."""
+        kernels.run(actions)
+        self._outputs, self._status = kernels.outputs, kernels.status
+        kernels.told()
+        results = None if self._brings_home else step_results(kernels, self.arrays, on_host=False)
+        following.draw_during(self, kernels)
+        flags, done = kernels.wait()
+        *wrong, any_terminated, any_done, begun = flags
+        left = np.flatnonzero(done) if any_done else NOBODY
+        if begun:
+            left = following.began(self, left)
+        if any(wrong):
+            self._complain(wrong, self._meant(kernels), kernels.values())
+        if len(left):
+            self._begin_others(left)
+            results = None
+        if results is None:
+            results = step_results(kernels, self.arrays, on_host=self._brings_home)
+        infos, final = results.contributions, results.final_infos
+        if any_terminated:
+            reasons = self._reasons(results.ending)
+            nothing = np.full(self.num_envs, None) if self._brings_home else self.arrays.xp.zeros_like(reasons)
+            infos["termination"], infos["_termination"] = nothing, results.nobody
+            final["termination"], final["_termination"] = reasons, results.terminated
+        infos |= results.told
+        if any_done:
+            final_obs = results.final_observation
+            if self._brings_home:
+                final_obs = _those(final_obs, results.done)
+            infos["final_obs"], infos["_final_obs"] = final_obs, results.done
+            infos["final_info"], infos["_final_info"] = final, results.done
+        return results.observation, results.rewards, results.terminated, results.truncated, infos
+
+    def _begin_others(self, where: NDArray[np.intp]) -> None:
+        """Begin episodes of the sub-environments ``where`` after the launches of a step that did not."""
+        begins = np.zeros(self.num_envs, dtype=bool)
+        begins[where] = self._done[where] = True
+        self._start(where, {})
+        self._observe(self.arrays.asarray(begins, self.arrays.xp.bool))
+        if self.arrays.host(self._wrong_observation()):
+            self._complain_of_observation()
 
     def _brought(self, judged: Judged, infos: Infos) -> tuple[Judged, Infos, Array]:
         """What a step came to, its infos and the observation, on the host."""
@@ -610,8 +662,12 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             self._kernel_step = kernel_step(self)
             self._kernels = self._kernel_step is not None
             by_itself = self.autoreset_mode is not AutoresetMode.DISABLED and not self.twin.has_objects
-            ahead = self._kernels and not self.arrays.on_host and by_itself
-            self._next = NextEpisodes(self.num_envs) if ahead else None
+            ahead = not self.arrays.on_host and by_itself
+            kernels, same_step = self._kernel_step, self.autoreset_mode is AutoresetMode.SAME_STEP
+            self._next = None
+            if kernels is not None and ahead:
+                in_step = same_step and not kernels.has_own and self.twin.resets_in_one_launch
+                self._next = NextEpisodes(self.num_envs, in_step=in_step)
         return self._kernel_step
 
     def _forget_next(self, where: NDArray[np.intp] | None = None) -> None:
@@ -640,9 +696,13 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                 values[names.index(name)] = xp.where(running & ~diverged, xp.astype(value, xp.float32), 0.0)
             rewards = _sum(values)
         return Judged(
-            lambda: xp.all(xp.isfinite(kernels.given), axis=1), values, rewards, ending, terminated, truncated, done,
+            lambda: self._meant(kernels), values, rewards, ending, terminated, truncated, done,
             running, diverged, kernels.infos(),
         )  # fmt: skip
+
+    def _meant(self, kernels: KernelStep) -> Array:
+        """Whose actions are finite (N,)."""
+        return self.arrays.xp.all(self.arrays.xp.isfinite(kernels.given), axis=1)
 
     def _observe_in_kernels(self, kernels: KernelStep, *, again: bool = True) -> None:
         """Renew the observation where ``kernels.keeps`` does not hold: ``again``, or only by terms of the user's own."""
@@ -670,12 +730,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         Returns:
             The observation and infos that follow.
         """
-        if self.handed_out.on_host:
-            final = np.full(self.num_envs, None, dtype=object)
-            for i in np.flatnonzero(done):
-                final[i] = observation[i].copy()
-        else:
-            final = self._handed_out(observation)  # a new one follows
+        # a new one follows
+        final = _those(observation, done) if self.handed_out.on_host else self._handed_out(observation)
         final_info = _with_masks(_where(done, infos), _each(masks, lambda mask: mask & done))
         self._start(np.flatnonzero(self._done), {})
         self._observe(self.arrays.asarray(done, self.arrays.xp.bool))
@@ -700,6 +756,16 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if on_host and not np.isfinite(actions).all():
             self._complain_of_action(np.isfinite(actions).all(axis=1))
         return self.arrays.asarray(actions, self.arrays.xp.float32)
+
+    def _complain(self, wrong: Sequence[int], meant: Array, values: Array) -> None:
+        """Raise where actions, contributions of the reward terms or observations are ``wrong``."""
+        unmeant, wrong_reward, wrong_observation = wrong
+        if unmeant:
+            self._complain_of_action(meant)
+        if wrong_reward:
+            self._complain_of_reward(values)
+        if wrong_observation:
+            self._complain_of_observation()
 
     def _complain_of_action(self, meant: Array) -> None:
         meant = meant if isinstance(meant, np.ndarray) else self.arrays.host(meant)
@@ -851,6 +917,14 @@ def _sum(values: Array) -> Array:
     for value in values[1:]:
         total = total + value
     return total
+
+
+def _those(observations: NDArray[Any], where: NDArray[np.bool_]) -> NDArray[Any]:
+    """Observations (N,) as objects, each of its own memory, where ``where`` holds; else None."""
+    out = np.full(len(where), None, dtype=object)
+    for i in np.flatnonzero(where):
+        out[i] = observations[i].copy()
+    return out
 
 
 def _where(mask: Array, values: Mapping[str, Array]) -> dict[str, Array]:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import kstest
 
-from aoro_gym.sensors.noise import _mixed, _uniform, draw_seeds, quantised, tick, white
+from aoro_gym.sensors.noise import _mixed, _uniform, draw_seed, draw_seeds, quantised, tick, white
 
 
 def test_white_noise_is_standard_normal():
@@ -23,6 +23,15 @@ def test_white_noise_depends_on_seed_and_number_only():
     seeds = draw_seeds(np.random.default_rng(1).spawn(3))
     np.testing.assert_array_equal(white(seeds, np.arange(9)[:, None])[4], white(seeds, 4))
     np.testing.assert_array_equal(white(seeds[1:2], 4), white(seeds, 4)[1:2])
+
+
+@pytest.mark.parametrize("kind", [np.random.PCG64, np.random.Philox, np.random.MT19937])
+def test_seeds_are_whole_numbers_of_the_generator(kind):
+    """Whatever draws the bits, and with other draws between."""
+    one, other = (np.random.Generator(kind(5)) for _ in range(2))
+    for _ in range(100):
+        assert draw_seed(one) == other.integers(0, 2**63)
+        assert one.standard_normal() == other.standard_normal() and one.integers(5) == other.integers(5)
 
 
 def test_ticks_count_samples_wherever_the_clock_stands():

@@ -5,8 +5,8 @@ import warp as wp
 from aoro_gym.envs.core import contacts
 from aoro_gym.twin.records import Output, State
 
-UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
-"""Rows of the flags."""
+UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE, BEGUN = (wp.constant(number) for number in range(6))
+"""Rows of the flags; the last one is how many episodes begin."""
 TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(4))
 """Rows of what a step ended with."""
 OWN = wp.constant(-1)
@@ -32,7 +32,8 @@ class StepMemory:
     status: wp.array(dtype=int)  # likewise
     steps: wp.array(dtype=wp.int64)  # (N,) since the episode began
     resetting: wp.array(dtype=wp.bool)  # (N,) whose episode begins in this step
-    flags: wp.array(dtype=int)  # (5,)
+    flags: wp.array(dtype=int)  # (6,)
+    begun: wp.array(dtype=wp.int64)  # (N,) whose episodes begin; so many of them as the flags say
     weights: wp.array(dtype=wp.float64)  # (T,)
     reward_kinds: wp.array(dtype=int)  # (T,)
     values: wp.array2d(dtype=float)  # (T, N)
@@ -134,14 +135,23 @@ def observe_value(m: StepMemory, i: int, column: int, value: wp.float64):
         m.observation[i, column] = wp.clamp(float(value), m.lowest[column], m.highest[column])
 
 
-@wp.kernel(enable_backward=False, module="aoro_gym.envs.core.kernels")
-def rest_outputs(m: StepMemory, rows: wp.array(dtype=wp.int64), known: wp.array2d(dtype=float)):
-    """What is known of machines at rest, until a step gives the outputs of the sub-environments ``rows`` (K,).
+@wp.func
+def beginning(m: StepMemory, k: int):
+    """The ``k``-th sub-environment whose episode begins; −1 if there are fewer."""
+    if k >= m.flags[BEGUN]:
+        return int(-1)
+    return int(m.begun[k])
 
-    ``known`` is (5, K): joint angle [rad], pressure in both ports and at the pump [Pa], engine speed [rad/s].
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.core.kernels")
+def rest_outputs(m: StepMemory, known: wp.array2d(dtype=float)):
+    """What is known of machines at rest, until a step gives the outputs of those whose episodes begin.
+
+    ``known`` is (5, N): joint angle [rad], pressure in both ports and at the pump [Pa], engine speed [rad/s].
     """
-    k = wp.tid()
-    i = int(rows[k])
+    i = beginning(m, wp.tid())
+    if i < 0:
+        return
     x = wp.float64(m.state[State.QX, i])
     y = wp.float64(m.state[State.QY, i])
     z = wp.float64(m.state[State.QZ, i])
@@ -158,8 +168,8 @@ def rest_outputs(m: StepMemory, rows: wp.array(dtype=wp.int64), known: wp.array2
         m.outputs[frame, Output.YAW, i] = float(wp.atan2(two * (x * y + w * z), one - two * (y * y + z * z)))
         for wheel in range(4):
             m.outputs[frame, Output.ARM_ANGLE_FL + wheel, i] = m.state[State.ARM_FL + wheel, i]
-        m.outputs[frame, Output.JOINT_ANGLE, i] = known[0, k]
-        m.outputs[frame, Output.PRESSURE_A, i] = known[1, k]
-        m.outputs[frame, Output.PRESSURE_B, i] = known[2, k]
-        m.outputs[frame, Output.PUMP_PRESSURE, i] = known[3, k]
-        m.outputs[frame, Output.ENGINE_SPEED, i] = known[4, k]
+        m.outputs[frame, Output.JOINT_ANGLE, i] = known[0, i]
+        m.outputs[frame, Output.PRESSURE_A, i] = known[1, i]
+        m.outputs[frame, Output.PRESSURE_B, i] = known[2, i]
+        m.outputs[frame, Output.PUMP_PRESSURE, i] = known[3, i]
+        m.outputs[frame, Output.ENGINE_SPEED, i] = known[4, i]

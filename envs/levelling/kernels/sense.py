@@ -2,10 +2,12 @@
 
 import warp as wp
 
-from aoro_gym.envs.core.kernels.step import StepMemory, begin_step
-from aoro_gym.envs.levelling.kernels.memory import Arms, Ground
+from aoro_gym.envs.core.kernels.step import StepMemory, begin_step, beginning
+from aoro_gym.envs.levelling.kernels.judge import tell
+from aoro_gym.envs.levelling.kernels.memory import Arms, Frames, Ground, Limits
 from aoro_gym.envs.path_tracking.kernels.geometry import height_at
-from aoro_gym.envs.path_tracking.kernels.memory import Courses, Driving, Rules, Sensing, Vehicle
+from aoro_gym.envs.path_tracking.kernels.judge import tell as tell_of_drive
+from aoro_gym.envs.path_tracking.kernels.memory import Control, Courses, Driving, Rules, Sensing, Told, Vehicle
 from aoro_gym.envs.path_tracking.kernels.sense import last, rest_vehicle, sense_vehicle
 from aoro_gym.sensors.kernels.joint_angle import joint_angle_shown
 from aoro_gym.sensors.kernels.noise import tick, white
@@ -71,20 +73,28 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
 
 @wp.kernel(enable_backward=False, module="aoro_gym.envs.levelling.kernels")
 def rest(
-    rows: wp.array(dtype=wp.int64),
     m: StepMemory,
     c: Courses,
+    k: Control,
     v: Vehicle,
     s: Sensing,
     d: Driving,
     r: Rules,
     a: Arms,
     g: Ground,
+    t: Told,
+    f: Frames,
+    u: Limits,
+    frames: wp.array2d(dtype=wp.float64),
 ):
-    """First measurements of the vehicles ``rows`` (K,), at rest."""
-    i = int(rows[wp.tid()])
+    """First measurements of the vehicles whose episodes begin, at rest, and what is told of them."""
+    i = beginning(m, wp.tid())
+    if i < 0:
+        return
     rest_vehicle(m, c, v, s, d, r, i)
     sense_arms(m, a, i, ZERO)
     for wheel in range(4):
         a.rates[wheel, i] = ZERO
     read_ground(m, c, v, d, g, i, ZERO)
+    tell_of_drive(m, k, s, d, t, i)
+    tell(d, f, u, t, frames, i)

@@ -45,23 +45,34 @@ def levelling_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reach: f
     arms, ground = arms_memory(task._sensors, arrays), ground_memory(task._ground, config.ground_noise, arrays)
     limits = Limits()
     limits.tilt, limits.unevenness = config.tilt_limit, config.unevenness_limit
-    told, of_drive = told_memory(Told(), LOGGED_OF_DRIVE, count, arrays)
-    logged = arrays.zeros((len(LOGGED), count))
+    told, logged, frames_told = _told(count, arrays)
+    told_at_rest, begun, frames_at_rest = _told(count, arrays)
     return TaskKernels(
         before=[(act, [memory, courses, control, sensing, measures, driving, rules, driver, frames])],
         after=[
             (sense, [memory, courses, measures, sensing, driving, rules, arms, ground]),
-            (
-                judge,
-                [memory, courses, control, sensing, driving, rules, told, frames, limits, arrays.shared(logged)],
-            ),
+            (judge, [memory, courses, control, sensing, driving, rules, told, frames, limits, frames_told]),
         ],
-        rest=(rest, [memory, courses, measures, sensing, driving, rules, arms, ground]),
+        rest=(
+            rest,
+            [
+                memory, courses, control, measures, sensing, driving, rules, arms, ground, told_at_rest, frames, limits,
+                frames_at_rest,
+            ],
+        ),
         observe=(observe, [memory, measures, sensing, arms, ground, frames]),
         rewarded=REWARDED,
         observed=OBSERVED,
-        logged=[(LOGGED, logged), *(_rows(of_drive, names) for names in LOGGED_BESIDE)],
-    )
+        logged=logged,
+        begun=begun,
+    )  # fmt: skip
+
+
+def _told(count: int, arrays: Arrays) -> tuple[Told, list[tuple[Any, Array]], Any]:
+    """What is told of ``count`` vehicles: of the drive, what is logged of all, and the rest of it, shared."""
+    told, of_drive = told_memory(Told(), LOGGED_OF_DRIVE, count, arrays)
+    logged = arrays.zeros((len(LOGGED), count))
+    return told, [(LOGGED, logged), *(_rows(of_drive, names) for names in LOGGED_BESIDE)], arrays.shared(logged)
 
 
 def _rows(logged: list[tuple[Any, Array]], names: tuple[str, ...]) -> tuple[tuple[str, ...], Array]:

@@ -5,9 +5,10 @@ geometry for one vehicle.
 import warp as wp
 
 from aoro_gym.envs.core.kernels.joint import rest_joint, sense_joint
-from aoro_gym.envs.core.kernels.step import StepMemory, begin_step
+from aoro_gym.envs.core.kernels.step import StepMemory, begin_step, beginning
 from aoro_gym.envs.path_tracking.kernels.geometry import place_at, project
-from aoro_gym.envs.path_tracking.kernels.memory import Courses, Driving, Rules, Sensing, Vehicle
+from aoro_gym.envs.path_tracking.kernels.judge import tell
+from aoro_gym.envs.path_tracking.kernels.memory import Control, Courses, Driving, Rules, Sensing, Told, Vehicle
 from aoro_gym.sensors.kernels.attitude import in_world, wrapped
 from aoro_gym.sensors.kernels.gps import gps_shown
 from aoro_gym.sensors.kernels.imu import imu_error, imu_moved_on, specific_force
@@ -164,6 +165,9 @@ def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rule
 
 
 @wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
-def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
-    """First measurements of the vehicles ``rows`` (K,), at rest."""
-    rest_vehicle(m, c, v, s, d, r, int(rows[wp.tid()]))
+def rest(m: StepMemory, c: Courses, k: Control, v: Vehicle, s: Sensing, d: Driving, r: Rules, t: Told):
+    """First measurements of the vehicles whose episodes begin, at rest, and what is told of them."""
+    i = beginning(m, wp.tid())
+    if i >= 0:
+        rest_vehicle(m, c, v, s, d, r, i)
+        tell(m, k, s, d, t, i)

@@ -47,17 +47,19 @@ def path_tracking_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reac
     """
     courses, control, measures, sensing, driving, rules = vehicles(task, arrays, reach)
     told, logged = told_memory(Told(), LOGGED, len(task._s), arrays)
+    told_at_rest, begun = told_memory(Told(), LOGGED, len(task._s), arrays)
     return TaskKernels(
         before=[(act, [memory, control, sensing, measures, driving])],
         after=[
             (sense, [memory, courses, measures, sensing, driving, rules]),
             (judge, [memory, courses, control, sensing, driving, rules, told]),
         ],
-        rest=(rest, [memory, courses, measures, sensing, driving, rules]),
+        rest=(rest, [memory, courses, control, measures, sensing, driving, rules, told_at_rest]),
         observe=(observe, [memory, courses, control, sensing, driving, rules]),
         rewarded=REWARDED,
         observed=OBSERVED,
         logged=logged,
+        begun=begun,
     )
 
 

@@ -3,8 +3,9 @@
 import warp as wp
 
 from aoro_gym.envs.core.kernels.joint import rest_joint, sense_joint
-from aoro_gym.envs.core.kernels.step import StepMemory, begin_step, taken_action
-from aoro_gym.envs.turning.kernels.memory import Goals, Measured
+from aoro_gym.envs.core.kernels.step import StepMemory, begin_step, beginning, taken_action
+from aoro_gym.envs.turning.kernels.judge import tell
+from aoro_gym.envs.turning.kernels.memory import Goals, Measured, Rules, Told
 from aoro_gym.sensors.kernels.pressure import pressure_shown
 from aoro_gym.twin.records import Command, Output
 
@@ -67,8 +68,10 @@ def sense(m: StepMemory, g: Goals, s: Measured):
 
 
 @wp.kernel(enable_backward=False, module="aoro_gym.envs.turning.kernels")
-def rest(rows: wp.array(dtype=wp.int64), m: StepMemory, g: Goals, s: Measured):
-    """First measurements of the joints ``rows`` (K,), at rest."""
-    i = int(rows[wp.tid()])
-    rest_joint(s.joint, i, wp.float64(g.angle[i]))
-    sense_pressures(m, s, i, ZERO)
+def rest(m: StepMemory, g: Goals, s: Measured, r: Rules, t: Told):
+    """First measurements of the joints whose episodes begin, at rest, and what is told of them."""
+    i = beginning(m, wp.tid())
+    if i >= 0:
+        rest_joint(s.joint, i, wp.float64(g.angle[i]))
+        sense_pressures(m, s, i, ZERO)
+        tell(m, g, r, t, i)

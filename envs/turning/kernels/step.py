@@ -28,14 +28,16 @@ def turning_kernels(task: Any, memory: StepMemory, arrays: Arrays) -> TaskKernel
     rules = Rules()
     rules.tolerance, rules.dwell, rules.hold = task.config.tolerance, task.dwell_steps, task.config.hold[0]
     told, logged = told_memory(Told(), LOGGED, len(task._target), arrays, arrays.xp.float32)
+    told_at_rest, begun = told_memory(Told(), LOGGED, len(task._target), arrays, arrays.xp.float32)
     return TaskKernels(
         before=[(act, [memory, goals])],
         after=[(sense, [memory, goals, measured]), (judge, [memory, goals, rules, told])],
-        rest=(rest, [memory, goals, measured]),
+        rest=(rest, [memory, goals, measured, rules, told_at_rest]),
         observe=(observe, [memory, goals, measured]),
         rewarded=REWARDED,
         observed=OBSERVED,
         logged=logged,
+        begun=begun,
     )
 
 

@@ -11,15 +11,19 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import register_envs
+from aoro_gym.envs.core import vector
+from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.courses import obstacle_course
-from aoro_gym.envs.path_tracking.config import MILD
+from aoro_gym.envs.path_tracking.config import MILD, PathTrackingConfig
 from aoro_gym.envs.turning import config as turning
+from aoro_gym.sensors import GpsNoise
 
 pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
 register_envs()
 PATH_TRACKING, TURNING, LEVELLING = "AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0"
+LIMIT_TRACKING = "AORO/PathTracking-v1"
 NUMBER = 10
 
 
@@ -51,12 +55,17 @@ def steps_agree(ahead, plain, count=14):
 @pytest.fixture
 def begun(monkeypatch):
     """Numbers of sub-environments whose episodes began from what was drawn ahead."""
-    from aoro_gym.envs.core.next_episodes import NextEpisodes
+    rows: list[int] = []
+    begin, began = NextEpisodes._begin, NextEpisodes.began
 
-    real, rows = NextEpisodes._begin, []
+    def in_step(self, env, ended):
+        rows.extend(ended[self._ready_then[ended]])
+        return began(self, env, ended)
+
     monkeypatch.setattr(
-        NextEpisodes, "_begin", lambda self, env, which: (rows.extend(which), real(self, env, which))[1]
+        NextEpisodes, "_begin", lambda self, env, which: (rows.extend(which), begin(self, env, which))[1]
     )
+    monkeypatch.setattr(NextEpisodes, "began", in_step)
     return rows
 
 
@@ -75,6 +84,114 @@ def test_drawn_ahead_is_drawn_then(name, options, begun):
     ahead, plain = pair(name, **options)
     steps_agree(ahead, plain)
     assert len(begun) >= NUMBER
+
+
+def same(one: Any, other: Any, name: str = "") -> None:
+    """To the bit, of what is nested, too."""
+    if isinstance(one, dict):
+        assert list(one) == list(other), name
+        for key, value in one.items():
+            same(value, other[key], key)
+        return
+    one, other = np.asarray(one), np.asarray(other)
+    assert one.dtype == other.dtype and one.shape == other.shape, name
+    if one.dtype == object:
+        assert [each is None for each in one] == [each is None for each in other], name
+        for left, right in zip(one, other, strict=True):
+            same(left, right, name) if isinstance(left, np.ndarray) else None
+            assert isinstance(left, np.ndarray) or left == right, name
+    else:
+        np.testing.assert_array_equal(one, other, err_msg=name)
+
+
+def two_ways(name: str = TURNING, **options: Any) -> tuple[Any, Any]:
+    """The same environment, whose episodes begin in the launches of a step, and by the host after them."""
+    in_step, by_host = made(name, **options), made(name, **options)
+    for env in (in_step, by_host):
+        env.reset(seed=3)
+    by_host._next._in_step = False
+    return in_step, by_host
+
+
+def all_agree(in_step: Any, by_host: Any, count: int, seed: int = 1) -> int:
+    """How many episodes ended, of steps that hand out the same."""
+    rng, ended = np.random.default_rng(seed), 0
+    for _ in range(count):
+        actions = rng.uniform(-1.0, 1.0, by_host.action_space.shape).astype(np.float32)
+        one, other = in_step.step(actions), by_host.step(actions)
+        for left, right in zip(one, other, strict=True):
+            same(left, right)
+        ended += int(np.asarray(other[2] | other[3]).sum())
+    assert in_step._kernel_step.begins and not by_host._kernel_step.begins
+    states = ([generator.bit_generator.state for generator in env.generators] for env in (in_step, by_host))
+    for env in (in_step, by_host):
+        env._forget_next()  # what is drawn and was not needed
+    one, other = states
+    assert one == other
+    return ended
+
+
+ENDINGS: dict[str, tuple[str, dict[str, Any]]] = {
+    "paths are lost": (PATH_TRACKING, {"config": PathTrackingConfig(path_limit=0.35, randomisation=MILD)}),
+    "paths of any difficulty": (LIMIT_TRACKING, {"max_episode_steps": 5}),
+    "joints turn": (TURNING, {"max_episode_steps": 3, "randomisation": turning.MILD}),
+    "machines vary, and carry sensors": (
+        PATH_TRACKING,
+        {
+            "config": PathTrackingConfig(randomisation=MILD, gps_latency=0.2, gps_noise=GpsNoise.typical()),
+            "gear": "automatic",
+            "max_episode_steps": 6,
+        },
+    ),
+    "frames are levelled": (LEVELLING, {"randomisation": levelling.MILD}),
+}
+
+
+@pytest.mark.parametrize("case", ENDINGS)
+@pytest.mark.parametrize("brought", [False, True])
+@pytest.mark.parametrize("count", [16, pytest.param(150, marks=pytest.mark.slow)])
+def test_launches_begin_what_the_host_would(case, brought, count, monkeypatch):
+    """Observations, rewards, ends, infos, final ones and generators; of tensors, and of NumPy's arrays that are brought."""
+    name, options = ENDINGS[case]
+    if brought:
+        monkeypatch.setattr(vector, "calculates_there", lambda task, twin: True)
+        options = {**options, "output": "numpy"}
+    in_step, by_host = two_ways(name, **options)
+    assert all_agree(in_step, by_host, count) >= 2 * NUMBER
+
+
+def test_what_is_not_drawn_in_time_begins_after_the_launches(begun, monkeypatch):
+    """Of all that end in a step, those that are drawn begin in it, the others by the host."""
+    in_step, by_host = two_ways()
+    for env in (in_step, by_host):
+        env.step(np.zeros(env.action_space.shape, np.float32))
+    in_step._next.forget(in_step)
+    monkeypatch.setattr(in_step._next, "_batch", 3)
+    monkeypatch.setattr(in_step._next, "draw_during", lambda env, step: env._next.draw(env))
+    assert all_agree(in_step, by_host, 12) == 3 * NUMBER
+    assert begun
+
+
+def test_a_wrong_term_is_named_before_anything_begins():
+    env = made(max_episode_steps=9)
+    env.reset(seed=3)
+    for _ in range(8):
+        env.step(np.zeros(env.action_space.shape, np.float32))
+    ready = env._next.ready.copy()
+    assert env._kernel_step.begins and ready.any()
+    wrong = env.arrays.zeros(env.action_space.shape, env.arrays.xp.float32)
+    wrong[2] = np.nan
+    with pytest.raises(ValueError, match="sub-environment 2 is not finite"):
+        env.step(wrong)
+    assert (env._next.ready >= ready).all() and np.asarray(env._next._on_device["ready"]).sum() == env._next.ready.sum()
+
+
+def test_arrays_that_are_replaced_are_drawn_for_anew():
+    in_step, by_host = two_ways()
+    all_agree(in_step, by_host, 6)
+    for env in (in_step, by_host):
+        env._next._places[0, 0] += 1  # as if they lay elsewhere before
+    all_agree(in_step, by_host, 12)
 
 
 @pytest.mark.parametrize("name", [TURNING, LEVELLING])
