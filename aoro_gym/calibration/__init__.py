@@ -6,6 +6,8 @@
 ``measured``   what it reads of a machine's own logs; ``procedure_logs`` takes its steps on them
 ``change``     what a change of parameters does, with the turn time restored
 ``fit``        bounded least squares whose Jacobian is one population, resumable
+``probable``   from there, the most probable machine that has all figures
+``right_turns``  the right side of the valve, likewise
 ``choice``     which family of laws logs speak for, by what it predicts of logs left out
 ``ensemble``   parameter sets that fit as well and differ as far as the data allow
 """

@@ -33,6 +33,9 @@ FAILED = 20.0
 Residuals = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 """Points (N, d) → residuals (R, N) in standard deviations; NaN where there is none."""
 
+Tried = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+"""Points (N, d), the one that steps lead from first, their residuals (R, N) and costs (N,)."""
+
 BOXES = (0.01, 0.03, 0.1, 0.2, 0.4)
 """Half widths, in the unit cube, of the boxes within which a step is tried."""
 
@@ -145,14 +148,14 @@ def least_squares_fit(
     signature = digest(
         prior, prior_weight, starts, population, max_iterations, spread, seed, initial, problem, STEP, BOXES, ENOUGH
     )
-    search = _Search(residuals, prior, prior_weight, max_iterations, _Checkpoint(checkpoint, signature), work or Work())
+    search = Search(residuals, prior, prior_weight, max_iterations, Checkpoint(checkpoint, signature), work or Work())
     ranking = search.ranked(starts, population, spread, seed) if initial is None else [initial.tolist()]
     for index in range(starts):
-        search.refine(index, starts, ranking[index])
+        search.refine(index, ranking[index], f"start {index + 1}", f"start {index + 1} of {starts}")
     return sorted(search.checkpoint.fits, key=lambda fit: fit.cost)
 
 
-class _Checkpoint:
+class Checkpoint:
     """Parts of a search that are done, in a file if there is one."""
 
     def __init__(self, path: Path | None, signature: str):
@@ -193,15 +196,17 @@ class _Checkpoint:
 
 
 @dataclass
-class _Search:
+class Search:
     """One search; see :func:`least_squares_fit`."""
 
     residuals: Residuals
     prior: NDArray[np.float64]
     prior_weight: float
     max_iterations: int
-    checkpoint: _Checkpoint
+    checkpoint: Checkpoint
     work: Work
+    boxes: Sequence[float] = BOXES
+    difference: float = STEP
 
     def evaluate(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Residuals (R, N) of points (N, d), within ± :data:`FAILED`."""
@@ -223,18 +228,18 @@ class _Search:
         order = np.concatenate([[0], order[order != 0]])[: max(starts, 1)]
         return points[order].tolist()
 
-    def refine(self, index: int, starts: int, start: list[float]) -> None:
-        """Gauss–Newton within the bounds and a box around the point; boxes of all sizes are tried in one launch."""
+    def refine(self, index: int, start: list[float], phase: str, sentence: str) -> None:
+        """Step from ``start`` until steps gain next to nothing, unless this fit, by ``index``, is kept already."""
         if index < len(self.checkpoint.fits):
             return
         at = self.checkpoint.step or {
-            "iteration": 0, "evaluations": 0, "step": STEP, "point": start, "reach": list(BOXES)
+            "iteration": 0, "evaluations": 0, "step": self.difference, "point": start, "reach": list(self.boxes)
         }  # fmt: skip
-        self.work.begin(f"start {index + 1}", f"start {index + 1} of {starts}")
+        self.work.begin(phase, sentence)
         ends = False
         while not ends:
-            self.work.say(f"start {index + 1} of {starts}, step {at['iteration'] + 1}")
-            data, cost, ends = self._improve(at)
+            self.work.say(f"{sentence}, step {at['iteration'] + 1}")
+            data, cost, ends = self.improve(at)
             ends = ends or at["iteration"] >= self.max_iterations
             self.checkpoint.step = at
             if ends:
@@ -243,22 +248,37 @@ class _Search:
                 self.checkpoint.step = None
             self.checkpoint.write()
 
-    def _improve(self, at: dict[str, Any]) -> tuple[NDArray[np.float64], float, bool]:
+    def improve(self, at: dict[str, Any]) -> tuple[NDArray[np.float64], float, bool]:
         """Take one step from where ``at`` stands; its residuals and cost, and whether the search has ended."""
-        point, reach, pull = np.array(at["point"]), np.array(at["reach"]), self.prior_weight / 0.25
+        point = np.array(at["point"])
         steps = inward_steps(point, at["step"])
         found = self.evaluate(np.vstack([point, point + np.diag(steps)]))
         slopes = (found[:, 1:] - found[:, :1]) / steps
-        tried = steps_within(reach, slopes, found[:, 0], point, self.prior, pull)
-        found = self.evaluate(tried)
-        cost = costs(found, tried, self.prior, pull)
+        tried, found, cost = self.tried(np.array(at["reach"]), slopes, found[:, 0], point)
         best = int(np.argmin(cost))
         at["iteration"] += 1
         at["evaluations"] += len(point) + 1 + len(tried)
         at["point"] = tried[best].tolist()
         has_ended = False
         if cost[best] > (1.0 - ENOUGH) * cost[0]:
-            has_ended = at["step"] < STEP
+            has_ended = at["step"] < self.difference
             # once more, nearer: the figures are not quite smooth
-            at["step"], at["reach"] = 0.5 * at["step"], (reach / 3.0).tolist()
+            at["step"], at["reach"] = 0.5 * at["step"], (np.array(at["reach"]) / 3.0).tolist()
         return found[:, best], float(cost[best]), has_ended
+
+    def tried(
+        self, reach: NDArray[np.float64], slopes: NDArray[np.float64], residuals: NDArray[np.float64],
+        point: NDArray[np.float64],
+    ) -> Tried:  # fmt: skip
+        """Gauss–Newton within the bounds and a box around the point; boxes of all sizes are tried in one launch.
+
+        Args:
+            reach: Half widths of the boxes.
+            slopes: Jacobian (R, d) at the point.
+            residuals: (R,) there.
+            point: (d,)
+        """
+        pull = self.prior_weight / 0.25
+        points = steps_within(reach, slopes, residuals, point, self.prior, pull)
+        found = self.evaluate(points)
+        return points, found, costs(found, points, self.prior, pull)

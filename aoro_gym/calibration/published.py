@@ -13,9 +13,11 @@ from numpy.typing import NDArray
 
 from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
 from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, Residuals, least_squares_fit
-from aoro_gym.calibration.procedure import meet_times_and_pressure, published_procedure, rolling_pressure
+from aoro_gym.calibration.probable import most_probable_fit, prior_cost
+from aoro_gym.calibration.procedure import measured_curve, published_procedure, rolling_pressure
 from aoro_gym.calibration.progress import Progress, Work
 from aoro_gym.calibration.resuming import resumable
+from aoro_gym.calibration.right_turns import EDGE, KEYS, with_right_turns
 from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.execution.digest import digest
@@ -35,9 +37,9 @@ from aoro_gym.validation.turns import Turn, rim_speed
 LEVELS = tuple(Turn("left", percent) for percent in (100.0, 75.0, 50.0))
 """Turns that the published twin's figures are known of."""
 
-PRIOR_WEIGHTS = (0.15, 0.3, 0.5, 0.7, 1.0)
-"""Pulls to the data-sheet machine, tried one after the other as long as every figure stays within its tolerance. At 1
-the fit is the most probable machine where a range is read as 95 % and so is a tolerance; below it figures count more."""
+PRIOR_WEIGHT = 0.15
+"""Pull to the data-sheet machine in the first search, which finds where figures are met: at 1 a tolerance would weigh as
+much as a range, both read as 95 %; below it figures count more."""
 
 IDENTIFIABLE = 0.02
 """A parameter is searched if a quarter of its range moves the figures by more than this many tolerances, at the start
@@ -45,9 +47,6 @@ or at one of :data:`PROBES` random points: a relief valve is only felt where it 
 
 PROBES = 3
 """Random points at which the parameters are tried as well."""
-
-PULL_ITERATIONS = 8
-"""Steps that each heavier pull is given."""
 
 FIGURES_SOURCE = "C: published key figures of left turns"
 """Of what the fit found, in a machine file."""
@@ -72,6 +71,9 @@ SINGLE_FIGURES: Mapping[str, tuple[Callable[[Machine, str, int], NDArray[np.floa
 LARGEST_MISS = 3.0
 """Tolerances by which a machine of this kind may miss a figure. Tolerances are read as 95 %: three of them are six standard
 deviations, which no figure of 25 misses by chance."""
+
+PROBABLE_STEPS = 25
+"""Steps that the search for the most probable machine usually takes, for the estimate of its end."""
 
 PROCEDURE = 15.0
 """Work of the published procedure, in machines that do all turns of :data:`LEVELS`."""
@@ -108,8 +110,9 @@ def calibrate_published(
     """Calibrate ``datasheet`` against the published figures.
 
     First the published procedure alone; then all uncertain parameters within their ranges against the key figures of
-    the published twin (rows ``mevea``), from several starts; then the procedure's iterations once more, for the other
-    side and the brake. Every search is seeded and resumes from ``folder``.
+    the published twin (rows ``mevea``): least squares from several starts, and from the best the most probable machine that
+    has all figures within their tolerances (:mod:`.probable`); then likewise the right side of the valve against right
+    turns (:mod:`.right_turns`). Every search is seeded and resumes from ``folder``.
 
     Args:
         datasheet: Machine before any calibration; its ranges bound the search.
@@ -136,25 +139,29 @@ def calibrate_published(
         held = _published_values(datasheet) if hold_published else {}
         uncertain = [p.key for p in datasheet.parameters() if p.role in ("nuisance", "both") and p.key not in held]
         work = Work(progress, _phases(len(uncertain), starts, population, ensemble))
-        comparison = _Comparison(*published_targets(), device=device, work=work)
+        comparison = PublishedFigures(*published_targets(), device=device, work=work)
         work.begin("procedure", "the published procedure")
+        prior = measured_curve(datasheet.set(held))
         start = published_procedure(datasheet.set(held), comparison.told("procedure", PROCEDURE), device)
         identifiable = comparison.identifiable(Space(start, uncertain), seed)
         space = Space(start, list(compress(uncertain, identifiable)))
         work.expect(_phases(len(space.keys), starts, population, ensemble))
-        fits, chosen, weight = _searched(comparison, space, starts, population, seed, folder)
+        fits, chosen = _searched(comparison, space, space.point(prior), starts, population, seed, folder)
         points = _ensemble(comparison, space, fits, chosen, ensemble, seed)
-        machines, dropped = _machines(comparison, space, points)
+        machines, right, dropped = _machines(comparison, space, points, prior, held)
+        searched = Space(start, [*space.keys, *(key for key in (*KEYS, EDGE) if key not in held)])
+        bounds = searched.at_bounds(searched.point(machines[0]))
         report = {
-            "verdict": comparison.verdict(chosen, len(space.at_bounds(chosen.point)), len(space.keys)),
-            "method": "published procedure, then bounded least squares on the published twin's key figures of left turns",
+            "verdict": comparison.verdict(chosen, len(bounds), len(searched.keys)),
+            "method": "published procedure, then the most probable machine that has the published twin's key figures of "
+            "left turns, then its right side by right turns",
             "starts": [{"cost": fit.cost, "evaluations": fit.evaluations} for fit in fits],
-            "searched": list(space.keys),
+            "searched": list(searched.keys),
             "held": list(held),
-            "not_felt": list(compress(uncertain, ~identifiable)),
-            "leaning_on_a_bound": [{"key": key, "end": end} for key, end in space.at_bounds(chosen.point)],
-            "pull_to_the_data_sheet": weight,
-            **comparison.described(space, chosen),
+            "not_felt": [key for key in compress(uncertain, ~identifiable) if key not in searched.keys],
+            "leaning_on_a_bound": [{"key": key, "end": end} for key, end in bounds],
+            "prior_cost": float(prior_cost(np.array(chosen.point), space.point(prior))),
+            **comparison.described(space, chosen, right),
             "ensemble": len(machines) - 1,
             "ensemble_wanted": ensemble,
             "ensemble_dropped": dropped,
@@ -180,15 +187,15 @@ def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str,
         "sensitivity": (1 + PROBES) * (free + 1.0),
         "population": float(population),
         **{f"start {index + 1}": float(USUAL_STEPS * step) for index in range(starts)},
-        **{f"pull {weight:g}": 0.5 * PULL_ITERATIONS * step for weight in PRIOR_WEIGHTS[1:]},
+        "probable": float(PROBABLE_STEPS * step),
         "substeps": 3.0,
         **({"ensemble": float(CANDIDATES)} if ensemble else {}),
-        "finishing": 2.0 * PROCEDURE * (1 + ensemble),
+        "finishing": PROCEDURE * (1 + ensemble),
     }
 
 
 @dataclass(frozen=True)
-class _Comparison:
+class PublishedFigures:
     """Machines beside the published figures, (levels, figures), and their tolerances."""
 
     target: NDArray[np.float64]
@@ -250,8 +257,8 @@ class _Comparison:
             "on_a_bound": on_a_bound, "parameters": parameters,
         }  # fmt: skip
 
-    def described(self, space: Space, fit: Fit) -> dict[str, Any]:
-        """The misses of a fit, figure by figure, and what half the substep changes."""
+    def described(self, space: Space, fit: Fit, right: dict[str, float]) -> dict[str, Any]:
+        """The misses of a fit and of right turns, figure by figure, and what half the substep changes."""
         self.work.begin("substeps", "half the substep")
         machine = space.population(np.array(fit.point))
         halved = self.misses(machine, substeps=60)[:, 0] - self.misses(machine)[:, 0]
@@ -265,39 +272,49 @@ class _Comparison:
             },
             "single_misses_tolerances": dict(
                 zip(SINGLE_FIGURES, np.divide(fit.residuals[self.target.size :], 2.0).tolist(), strict=True)
-            ),
+            )
+            | right,
             # none where a turn fails at one of the substeps
             "largest_change_at_half_the_substep_tolerances": change if np.isfinite(change) else None,
         }
 
 
 def _searched(
-    comparison: _Comparison, space: Space, starts: int, population: int, seed: int, folder: Path | None
-) -> tuple[list[Fit], Fit, float]:
-    """All fits, the one of the heaviest pull to the data sheet that leaves every figure within its tolerance, the pull."""
+    comparison: PublishedFigures,
+    space: Space,
+    prior: NDArray[np.float64],
+    starts: int,
+    population: int,
+    seed: int,
+    folder: Path | None,
+) -> tuple[list[Fit], Fit]:
+    """All least-squares fits, the best first, and from there the most probable machine that has all figures.
+
+    Args:
+        comparison: Machines beside the figures.
+        space: What is searched, and from where.
+        prior: Most probable point (d,) before any turn.
+        starts: Least-squares searches.
+        population: Machines of their first population.
+        seed: Its seed.
+        folder: Where steps are kept.
+    """
     single = [(name, published(name), bound) for name, (_, bound) in SINGLE_FIGURES.items()]
     problem = digest(space.describe(), comparison.target, comparison.tolerance, single)
     residuals = comparison.residuals(space)
     fits = least_squares_fit(
-        residuals, space.point(), prior_weight=PRIOR_WEIGHTS[0], starts=starts, population=population, seed=seed,
+        residuals, space.point(), prior_weight=PRIOR_WEIGHT, starts=starts, population=population, seed=seed,
         problem=problem, checkpoint=folder / "search.json" if folder else None, work=comparison.work,
     )  # fmt: skip
-    chosen, weight = fits[0], PRIOR_WEIGHTS[0]
-    for heavier in PRIOR_WEIGHTS[1:]:
-        comparison.work.begin(f"pull {heavier:g}", f"nearer to the data sheet, pull {heavier:g}")
-        pulled = least_squares_fit(
-            residuals, space.point(), prior_weight=heavier, starts=1, population=1, initial=np.array(chosen.point),
-            max_iterations=PULL_ITERATIONS, problem=problem, work=comparison.work,
-            checkpoint=folder / f"search-{heavier:g}.json" if folder else None,
-        )[0]  # fmt: skip
-        if np.max(np.abs(pulled.residuals)) > 2.0:
-            break
-        chosen, weight = pulled, heavier
-    return fits, chosen, weight
+    chosen = most_probable_fit(
+        residuals, prior, np.array(fits[0].point), problem=problem, work=comparison.work,
+        checkpoint=folder / "search-probable.json" if folder else None,
+    )  # fmt: skip
+    return fits, chosen
 
 
 def _ensemble(
-    comparison: _Comparison, space: Space, fits: list[Fit], chosen: Fit, count: int, seed: int
+    comparison: PublishedFigures, space: Space, fits: list[Fit], chosen: Fit, count: int, seed: int
 ) -> NDArray[np.float64]:
     """The chosen point and up to ``count`` others that fit as well, (1 + count, d)."""
     if not count:
@@ -311,19 +328,25 @@ def _ensemble(
     )  # fmt: skip
 
 
-def _machines(comparison: _Comparison, space: Space, points: NDArray[np.float64]) -> tuple[list[Machine], list[str]]:
-    """The machines of ``points``, finished by the procedure, and why others than the first could not be."""
-    comparison.work.begin("finishing", "right turn and disc brake")
-    machines, dropped = [], []
+def _machines(
+    comparison: PublishedFigures, space: Space, points: NDArray[np.float64], prior: Machine, held: Mapping[str, float]
+) -> tuple[list[Machine], dict[str, float], list[str]]:
+    """The machines of ``points`` with their right sides, the first one's misses, and why others could not be finished."""
+    comparison.work.begin("finishing", "right turns")
+    machines, right, dropped = [], {}, []
     for i, point in enumerate(points):
+        machine = space.machine.set(space.rounded(point), source=FIGURES_SOURCE).levelled()
         try:
-            machines.append(_finished(space, point, comparison.device))
+            machine, misses = with_right_turns(machine, prior, set(held), comparison.device)
         except ValueError as error:
             if i == 0:
                 raise
             dropped.append(str(error))
-        comparison.work.did(2.0 * PROCEDURE)
-    return machines, dropped
+        else:
+            machines.append(machine)
+            right = right or misses
+        comparison.work.did(PROCEDURE)
+    return machines, right, dropped
 
 
 def published_targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -336,22 +359,3 @@ def published_targets() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     full = [i for i, turn in enumerate(LEVELS) if turn.signal_percent == 100.0]
     tolerance[full, FIGURES.index("turn_time_s")] = TURN_TIME_TARGET
     return target, tolerance
-
-
-def _finished(space: Space, point: NDArray[np.float64], device: str) -> Machine:
-    """The machine of a fitted point, with the right edge and the disc brake set by the procedure.
-
-    The figures of left turns do not see the right port's return edge; it is taken to be made like the left one's.
-    """
-    values = {}
-    for key, value in zip(space.keys, space.values(point), strict=True):
-        low, high = space.machine.entries[key].range
-        values[key] = min(max(float(f"{value:.6g}"), low), high)
-    machine = space.machine.set(values, source=FIGURES_SOURCE).levelled()
-    out = machine.entries["steering.valve.nominal_drop_out_left"].value
-    machine = machine.set(
-        {"steering.valve.nominal_drop_out_right": float(out)},
-        source="C: taken to be made like the left edge",
-        check_ranges=False,
-    )
-    return meet_times_and_pressure(machine, ("left", "right"), device=device)

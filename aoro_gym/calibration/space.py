@@ -62,6 +62,14 @@ class Space:
         inner = np.where(self._log, np.log(np.where(self._log, np.maximum(given, 1e-300), 1.0)), given)  # type: ignore[attr-defined]
         return np.clip((inner - self._low) / (self._high - self._low), 0.0, 1.0)  # type: ignore[attr-defined]
 
+    def rounded(self, point: ArrayLike) -> dict[str, float]:
+        """Parameter values by key of a point (d,), in six digits and within their ranges."""
+        entries, values = self.machine.entries, {}
+        for key, value in zip(self.keys, self.values(point), strict=True):
+            low, high = entries[key].range
+            values[key] = min(max(float(f"{value:.6g}"), low), high)
+        return values
+
     def population(self, points: ArrayLike) -> Machine:
         """Machine with one variant a point, (N, d); one point (d,) or (1, d) gives a plain machine."""
         values = np.atleast_2d(self.values(points))

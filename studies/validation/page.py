@@ -142,8 +142,8 @@ def bounds(results: Results) -> str:
 
 
 def of_the_twin(results: Results) -> str:
-    """Figures of the published twin beside those of the default machine and of the one of published inputs."""
-    names = ("aoro", "aoro_published_inputs")
+    """Figures of the published twin beside those of the machines that were calibrated to them."""
+    names = ("aoro", "aoro_probable", "aoro_published_inputs")
     found = {name: turned(results["members"][name]) for name in names}
     rows = []
     for turn in (turn for turn in TURNS if turn.direction == "left"):

@@ -12,13 +12,16 @@ from aoro_gym.execution.files import read_json
 from aoro_gym.validation.published import valve_flow
 from aoro_gym.validation.study import Validation, validate
 from aoro_gym.validation.turns import Turn
-from studies.validation.members import MEMBERS
+from studies.validation.members import MEMBERS, at_bounds
 from studies.validation.members import figures_of as figures_of_page
 from studies.validation.page import RESULTS
 from tests.twin.test_against_reference import TURN, deviation, run_reference, run_twin
 
 KEPT = read_json(RESULTS)["members"]
 """Figures that the page docs/validation.md shows."""
+
+OTHERS = [name for name in MEMBERS if name not in ("aoro", "aoro_probable", "aoro_published_inputs")]
+"""Machines that the study of structures found."""
 
 
 def same_figures(found: dict[str, Any], kept: dict[str, Any]) -> None:
@@ -91,6 +94,15 @@ def test_the_machine_of_published_inputs_holds_them_all_and_meets_every_figure()
     same_figures(figures_of_page(found), KEPT["aoro_published_inputs"])
 
 
+def test_the_most_probable_machine_meets_every_figure_and_right_turns_at_few_bounds():
+    machine = Machine.load("aoro_probable")
+    found = validate(machine, noise_runs=0)
+    assert found.reached("twin") == (21, 21)
+    assert [check["what"] for check in found.checks if not check["reached"]] == []
+    assert len(at_bounds("aoro_probable", machine)) <= 3
+    same_figures(figures_of_page(found), KEPT["aoro_probable"])
+
+
 def test_published_values_are_those_of_the_publication(aoro):
     table = valve_flow()
     for side in ("left", "right"):
@@ -159,12 +171,12 @@ def test_it_turns_as_the_float64_reference_does(aoro):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", [name for name in MEMBERS if name not in ("aoro", "aoro_published_inputs")])
+@pytest.mark.parametrize("name", OTHERS)
 def test_the_page_shows_the_figures_of_other_machines(name):
     same_figures(figures_of_page(validate(MEMBERS[name].path(name), noise_runs=0)), KEPT[name])
 
 
-@pytest.mark.parametrize("name", [name for name in MEMBERS if name not in ("aoro", "aoro_published_inputs")])
+@pytest.mark.parametrize("name", OTHERS)
 def test_machines_of_other_laws_meet_what_the_study_says(name):
     member = MEMBERS[name]
     folder = Path(__file__).parents[2] / "studies" / "identification"
