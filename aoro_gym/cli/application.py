@@ -33,6 +33,9 @@ class Command(TyperCommand):
             following = args[place + 1 : place + 2]
             if text == "--json" and (not following or (following[0].startswith("-") and following[0] != "-")):
                 args = [*args[: place + 1], "-", *args[place + 1 :]]
+        for parameter in self.params:
+            if isinstance(parameter, TyperOption) and parameter.nargs > 1:
+                _check_count(parameter, args)
         return super().parse_args(ctx, args)
 
     def invoke(self, ctx: Any) -> Any:
@@ -46,6 +49,20 @@ class Command(TyperCommand):
             return super().invoke(ctx)
         finally:
             FLAGS.reset(before)
+
+
+def _check_count(option: TyperOption, args: list[str]) -> None:
+    """Raise where ``option``, which takes several numbers, is given fewer: else the next option would be taken for one."""
+    for place, text in enumerate(args):
+        if text in option.opts:
+            given = []
+            for value in args[place + 1 : place + 1 + option.nargs]:
+                if value.startswith("-") and value[1:2] not in "0123456789.":
+                    break
+                given.append(value)
+            if len(given) < option.nargs:
+                takes = f"takes {option.nargs} numbers, {option.metavar}"
+                raise typer.BadParameter(f"{text} {takes}, but got {len(given)}: {' '.join(given) or 'none'}")
 
 
 class Application(typer.Typer):

@@ -56,7 +56,7 @@ class LoadingVectorEnv(TwinVectorEnv):
         check_keywords(type(self), arguments)
         if arguments.get("soil") is not None:
             raise ValueError(
-                "AORO/Loading-v0 is on hard ground, as cranes tell nothing of their valves on soil; drop soil"
+                "AORO/Loading-v0 is on hard ground, as cranes tell nothing of their valves on soil; drop the soil"
             )
         config = LoadingConfig() if config is None else config
         config = changed_config(config, reward_terms, observation_terms, randomisation, FURTHER_REWARD_TERMS)

@@ -99,6 +99,19 @@ def test_every_command_has_a_row_in_the_list_of_commands():
     assert sorted(listed) == sorted(_every_command())
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ("--crane-pose 0 -10 20 --out log.csv", "--crane-pose takes 4 numbers, DEG DEG DEG M, but got 3: 0 -10 20"),
+        ("--held --quiet", "--held takes 3 numbers, KG M M, but got 0: none"),
+    ],
+)
+def test_an_option_of_several_numbers_says_how_many_it_lacks(given, said):
+    done = call("simulate", "--manoeuvre", "crane", *given.split())
+    assert done.exit_code == 2
+    assert said in " ".join(done.stderr.replace("│", " ").split())
+
+
 def test_runs_as_a_module():
     command = [sys.executable, "-m", "aoro_gym", "--version"]
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()[1] == __version__
