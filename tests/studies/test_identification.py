@@ -21,6 +21,7 @@ from studies.identification.bench import ALL, Bench, Model
 from studies.identification.figures import KNOWN, OF_TURNS, Found, found_of, single_misses, targets, turned
 from studies.identification.measurements import distances
 from studies.identification.members import _met
+from studies.identification.probable import known
 from studies.identification.profiles import GRID, RISE, left_open, profile
 from studies.identification.run import Study, run
 from studies.identification.search import Job
@@ -242,3 +243,14 @@ def test_what_a_machine_cannot_meet_stays_on_the_nearest_end():
     assert _met(machine, key, 1.01 * high, gas).entries[key].value == high
     with pytest.raises(ValueError, match=r"oil\.gas_fraction at .*, an end of its range"):
         _met(machine, key, 1.5 * high, gas)
+
+
+def test_the_most_probable_machine_is_fitted_without_the_level_that_it_predicts():
+    """Seven figures a level, then four single ones; the rims' speed, the third of these, is of the turn at 100 %."""
+    rows = {split.left_out: known(split) for split in BY_LEVEL if split.reference == "mevea"}
+    assert {name: np.flatnonzero(~which).tolist() for name, which in rows.items()} == {
+        "100": [0, 1, 2, 3, 4, 5, 6, 23],
+        "75": [7, 8, 9, 10, 11, 12, 13],
+        "50": [14, 15, 16, 17, 18, 19, 20],
+    }
+    assert {len(which) for which in rows.values()} == {25}

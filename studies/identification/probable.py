@@ -1,0 +1,67 @@
+"""What the most probable machines predict: ``aoro-gym calibrate --published`` without one level of the published twin.
+
+    python -m studies.identification.probable --device cpu:simd
+
+As the command itself: the published procedure, least squares from the data sheet, then the most probable machine that has
+the figures of the two other levels; the score is that of :mod:`.splits`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from itertools import compress
+
+import numpy as np
+
+from aoro_gym.calibration.fit import least_squares_fit
+from aoro_gym.calibration.probable import most_probable_fit, prior_cost
+from aoro_gym.calibration.procedure import measured_curve, published_procedure
+from aoro_gym.calibration.progress import Work
+from aoro_gym.calibration.published import PRIOR_WEIGHT, SINGLE_FIGURES, PublishedFigures, published_targets
+from aoro_gym.calibration.space import Space
+from aoro_gym.machine import Machine
+from aoro_gym.simulation.key_figures import FIGURES
+from studies.identification.figures import found_of
+from studies.identification.splits import BY_LEVEL, Split
+from studies.identification.table import table
+
+
+def known(split: Split) -> np.ndarray:
+    """Rows of the published figures that a split fits: turns at its levels, and single figures, of which the rims' speed
+    belongs to the turn at full signal."""
+    of_turns = np.repeat(split.levels, len(FIGURES))
+    return np.concatenate([of_turns, [name != "rim_speed" or split.levels[0] for name in SINGLE_FIGURES]])
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--device", default="cpu", help="cpu, cpu:simd or cuda:N")
+    device = parser.parse_args().device
+    sheet = Machine.load("aoro_datasheet")
+    comparison = PublishedFigures(*published_targets(), device=device, work=Work())
+    start = published_procedure(sheet, device=device)
+    uncertain = [p.key for p in sheet.parameters() if p.role in ("nuisance", "both")]
+    space = Space(start, list(compress(uncertain, comparison.identifiable(Space(start, uncertain), 0))))
+    prior, rows = space.point(measured_curve(sheet)), []
+    for split in (split for split in BY_LEVEL if split.reference == "mevea"):
+        rows_known = known(split)
+
+        def residuals(points: np.ndarray, which: np.ndarray = rows_known) -> np.ndarray:
+            return comparison.residuals(space)(points)[which]
+
+        near = least_squares_fit(residuals, space.point(), prior_weight=PRIOR_WEIGHT, starts=1, population=2)[0]
+        fit = most_probable_fit(residuals, prior, np.array(near.point))
+        machine = space.population(np.array(fit.point)).levelled()
+        found = found_of(machine, np.ones((3, 1), dtype=bool), device, batch=1)
+        rows.append([
+            f"{split.left_out} %", f"{100.0 * split.score(found)[0]:.1f} %", f"{np.max(np.abs(fit.residuals)) / 2.0:.2f}",
+            f"{prior_cost(np.array(fit.point), prior):.1f}", str(len(space.at_bounds(fit.point))),
+        ])  # fmt: skip
+        print(rows[-1], file=sys.stderr, flush=True)
+    head = ["left out", "mean error there", "largest miss elsewhere, tolerances", "prior's cost", "at a bound"]
+    print(table(head, rows))
+
+
+if __name__ == "__main__":
+    main()
