@@ -175,8 +175,9 @@ def pass_exponents() -> dict[str, dict[str, float]]:
     for entry in preset_table():
         for state in entry["states"]:
             name = entry["name"] + (f":{state['moisture']:g}" if len(entry["states"]) > 1 else "")
-            if "pass_exponent" not in state or name == "clay:0.25":
+            if "pass_exponent" not in state or name == "clay:0.25":  # which bears the tire without sinking
                 continue
+            # the wettest sandy loam does not bear the machine's load
             wheel = TIRE if name != "sandy_loam:0.32" else (*TIRE[:2], 7e3, TIRE[3])
             known = {"a": state["a"], "pass_exponent": state["pass_exponent"]}
             found[name] = known | {"fitted": fitted_exponent(Soil.named(name), state["a"], wheel)}

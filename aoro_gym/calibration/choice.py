@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import bootstrap
 
-from aoro_gym.calibration.comparison import PRIOR_STD, Comparison, Masks, joined
+from aoro_gym.calibration.comparison import Comparison, Masks, joined
 from aoro_gym.calibration.fit import (
     BOXES,
     USUAL_STEPS,
@@ -31,7 +31,7 @@ from aoro_gym.calibration.fit import (
 )
 from aoro_gym.calibration.published import IDENTIFIABLE
 from aoro_gym.calibration.recordings import EVERY, FilteredLog
-from aoro_gym.calibration.space import Space
+from aoro_gym.calibration.space import PRIOR_STD, Space
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.machine import Machine

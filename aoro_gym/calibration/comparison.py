@@ -14,12 +14,9 @@ from aoro_gym.calibration.progress import Work
 from aoro_gym.calibration.published import IDENTIFIABLE
 from aoro_gym.calibration.recordings import CHANNELS, EVERY, FilteredLog, whitened
 from aoro_gym.calibration.replay import repeat
-from aoro_gym.calibration.space import Space
+from aoro_gym.calibration.space import PRIOR_STD, Space
 from aoro_gym.machine import Machine
 from aoro_gym.recording.logs import TICK
-
-PRIOR_STD = 0.25
-"""Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""
 
 Parts = Mapping[int, Mapping[str, NDArray[np.float64]]]
 """Misses (S, N) [SI] by number of the recording and channel."""

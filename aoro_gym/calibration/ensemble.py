@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.calibration.fit import Residuals, inward_steps
+from aoro_gym.calibration.space import PRIOR_STD
 
 CANDIDATES = 256
 """Points that are drawn for an ensemble, in each of its rounds."""
@@ -41,7 +42,7 @@ def draw_ensemble(
     *,
     accept: Callable[[NDArray[np.float64]], NDArray[np.bool_]],
     candidates: int = CANDIDATES,
-    prior_std: float = 0.25,
+    prior_std: float = PRIOR_STD,
     seed: int = 0,
 ) -> NDArray[np.float64]:
     """Up to ``count`` points (count, d) that fit as well as ``fitted`` (K, d), whose first row is always kept.

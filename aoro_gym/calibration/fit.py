@@ -21,6 +21,7 @@ from scipy.optimize import lsq_linear
 from scipy.stats import qmc
 
 from aoro_gym.calibration.progress import Work
+from aoro_gym.calibration.space import PRIOR_STD
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.files import read_json, write_text
 
@@ -115,7 +116,7 @@ def least_squares_fit(
     starts: int,
     population: int,
     max_iterations: int = 25,
-    spread: float = 0.25,
+    spread: float = PRIOR_STD,
     seed: int = 0,
     initial: NDArray[np.float64] | None = None,
     problem: str = "",
@@ -278,7 +279,7 @@ class Search:
             residuals: (R,) there.
             point: (d,)
         """
-        pull = self.prior_weight / 0.25
+        pull = self.prior_weight / PRIOR_STD
         points = steps_within(reach, slopes, residuals, point, self.prior, pull)
         found = self.evaluate(points)
         return points, found, costs(found, points, self.prior, pull)

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.stats import chi2
 
 from aoro_gym.calibration.choice import choose_laws, folds_of, phases, searchable
-from aoro_gym.calibration.comparison import PRIOR_STD, Comparison
+from aoro_gym.calibration.comparison import Comparison
 from aoro_gym.calibration.ensemble import CANDIDATES, draw_ensemble, posterior_factor
 from aoro_gym.calibration.fit import BOXES, USUAL_STEPS, Fit, least_squares_fit
 from aoro_gym.calibration.progress import Progress, Work
@@ -26,7 +26,7 @@ from aoro_gym.calibration.published import Calibration
 from aoro_gym.calibration.recordings import FilteredLog, read_filtered_log
 from aoro_gym.calibration.replay import ENGINE_SPEED
 from aoro_gym.calibration.resuming import log_inputs, resumable
-from aoro_gym.calibration.space import Space
+from aoro_gym.calibration.space import PRIOR_STD, Space
 from aoro_gym.calibration.verdict import judge
 from aoro_gym.execution.digest import digest
 from aoro_gym.machine import Machine

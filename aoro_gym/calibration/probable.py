@@ -22,6 +22,7 @@ from scipy.optimize import minimize
 
 from aoro_gym.calibration.fit import ENOUGH, Checkpoint, Fit, Residuals, Search, Tried
 from aoro_gym.calibration.progress import Work
+from aoro_gym.calibration.space import PRIOR_STD
 from aoro_gym.execution.digest import digest
 
 LIMIT = 1.9
@@ -30,9 +31,6 @@ LIMIT = 1.9
 PENALTY = 100.0
 """Of a residual beyond the limit, for a half tolerance. Exact where no figure's multiplier is larger: then the point of
 least penalised cost is the most probable one that has all figures."""
-
-PRIOR_STD = 0.25
-"""Standard deviation, in the unit cube, of a range that is read as 95 %."""
 
 CORRECTIONS = 3
 """Second-order corrections of a step: without them only the smallest steps keep to curved figures (Maratos' effect)."""

@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.machine.parameters import Machine
 
+PRIOR_STD = 0.25
+"""Standard deviation that a range, read as 95 %, gives a parameter in the unit cube."""
+
 LOG_SPAN = 3.5
 """A range whose ends differ by more than this factor is searched on a logarithmic scale."""
 

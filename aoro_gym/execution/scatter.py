@@ -35,13 +35,6 @@ def scatter(writes: wp.array2d(dtype=wp.int64)):
     store(writes[0, t], writes[1, t], writes[2, t])
 
 
-@wp.kernel(enable_backward=False)
-def scatter_rows(places: wp.array2d(dtype=wp.int64), rows: wp.array(dtype=wp.int64), bits: wp.array2d(dtype=wp.int64)):
-    """Write ``bits`` (K, M) into ``rows`` (K,): ``places`` (3, M) are addresses in row 0, steps to the next row, sizes."""
-    k, t = wp.tid()
-    store(places[0, t] + rows[k] * places[1, t], bits[k, t], places[2, t])
-
-
 def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any], device: str) -> None:
     """``tensor[index] = value`` for each of them, no place twice.
 
@@ -72,7 +65,8 @@ def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any],
 def by_row(
     tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any], count: int
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same writes by rows, for :func:`scatter_rows`: places (3, M), and bits (K, M) of each of K rows.
+    """The same writes by rows, for :func:`store`: places (3, M), which are addresses in row 0, bytes to the next row and how
+    many are written, and bits (K, M) of each of K rows.
 
     Args:
         tensors: See :func:`write`.

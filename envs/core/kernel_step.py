@@ -91,7 +91,6 @@ class KernelStep:
         self.resetting, self.keeps = arrays.zeros(n, xp.bool), arrays.zeros(n, xp.bool)
         """Whose episode begins in the step, and whose observation stays as it was (N,)."""
         self._flags = arrays.zeros(6, xp.int32)
-        self._clear: Callable[[], Any] = partial(self._flags.fill, 0) if arrays.on_host else self._flags.zero_
         self._begun, self.known = arrays.zeros(n, xp.int64), arrays.zeros((5, n), xp.float32)
         self._values, self._rewards = arrays.zeros((terms, n), xp.float32), arrays.zeros(n, xp.float32)
         self._ending, self._ended = arrays.zeros(n, xp.int64), arrays.zeros((4, n), xp.bool)
@@ -101,6 +100,9 @@ class KernelStep:
         self.status = arrays.alias(twin.status_codes)
         """Likewise (N,)."""
         self._memory = self._shared(env)
+        self._clear: Callable[[], Any] = partial(self._flags.fill, 0) if arrays.on_host else self._flags.zero_
+        if twin.device.is_cuda:
+            self._clear = self._memory.flags.zero_
         kernels = env.task.kernels(self._memory)
         self._kernels = kernels  # a recorded launch holds addresses, not what lies there
         self._tell_terms(env, kernels)
@@ -206,10 +208,7 @@ class KernelStep:
         return 1e-3 * wp.get_event_elapsed_time(first, last)
 
     def _launch(self) -> None:
-        if self._twin.device.is_cuda:
-            self._memory.flags.zero_()
-        else:
-            self._clear()
+        self._clear()
         for each in self._before:
             each.launch()
         self._advance(0, self.num_envs)

@@ -6,9 +6,10 @@ from scipy.optimize import minimize
 
 from aoro_gym.calibration import procedure, right_turns
 from aoro_gym.calibration.fit import ENOUGH
-from aoro_gym.calibration.probable import PENALTY, PRIOR_STD, elastic_step, most_probable_fit, prior_cost
+from aoro_gym.calibration.probable import PENALTY, elastic_step, most_probable_fit, prior_cost
 from aoro_gym.calibration.procedure import measured_curve, published_turn_time
 from aoro_gym.calibration.right_turns import EDGE, KEYS, RIGHT_FIGURES, with_right_turns
+from aoro_gym.calibration.space import PRIOR_STD
 from aoro_gym.machine import Machine
 from aoro_gym.simulation.key_figures import FIGURES
 

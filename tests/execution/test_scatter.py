@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 import warp as wp
 
+from aoro_gym.envs.core.kernels.beginning import Drawn, write_drawn
+from aoro_gym.envs.core.kernels.step import BEGUN, StepMemory
 from aoro_gym.execution.array_api import HOST, Arrays
-from aoro_gym.execution.scatter import by_row, scatter_rows
+from aoro_gym.execution.scatter import by_row
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
@@ -63,6 +65,19 @@ def test_nothing_is_written_after_an_error():
     assert array.tolist() == [0.0, 0.0, 1.0, 0.0]
 
 
+def begin(rows, places, bits):
+    """Write ``bits`` as a step that begins the episodes of ``rows`` does; of five rows, who has an episode left."""
+    memory, drawn, flags = StepMemory(), Drawn(), np.zeros(6, dtype=np.int32)
+    flags[int(BEGUN)] = len(rows)
+    of_all = np.zeros((5, bits.shape[1]), dtype=np.int64)
+    of_all[rows] = bits
+    memory.flags, memory.begun = wp.array(flags, dtype=int, device="cpu"), wp.array(rows, dtype=wp.int64, device="cpu")
+    drawn.places, drawn.bits = (wp.array(each, dtype=wp.int64, device="cpu") for each in (places, of_all))
+    drawn.ready = wp.ones(5, dtype=wp.bool, device="cpu")
+    wp.launch(write_drawn, dim=1, inputs=[memory, drawn, 1], device="cpu")
+    return drawn.ready.numpy()
+
+
 def test_by_rows_is_one_by_one():
     """What is kept is not written, and can be written into other rows of the same arrays, in any order."""
     plain, arrays = writes(HOST), Arrays.torch("cpu")
@@ -72,8 +87,8 @@ def test_by_rows_is_one_by_one():
     places, bits = by_row(*(list(each) for each in zip(*kept, strict=True)), count=2)
     assert bits.shape == (2, places.shape[1]) and len(kept) == len(plain)
     for rows in ([3, 1], [0, 4]):
-        given = [wp.array(each, dtype=wp.int64, device="cpu") for each in (places, rows, bits)]
-        wp.launch(scatter_rows, dim=bits.shape, inputs=given, device="cpu")
+        ready = begin(rows, places, bits)
+        assert [row for row in range(5) if not ready[row]] == sorted(rows)
         for name, array in waiting.items():
             axis = 0 if name in ("whole", "single", "flag") else 1
             now, then = (each.reshape(3, 5, 2) if name == "pairs" else each for each in (array.numpy(), plain[name]))
