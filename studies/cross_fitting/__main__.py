@@ -32,14 +32,13 @@ from aoro_gym.diagnosis.network.forward import Weights, networks_in
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
-from aoro_gym.diagnosis_benchmark import component_families
 from aoro_gym.diagnosis_benchmark.component_families.parts import MIXED, mixture
 from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import Suite
 from aoro_gym.execution.digest import Contents, digest, versions
 from aoro_gym.execution.files import write_json
 from studies.cross_fitting.plants import ADDED, MIXED_SUITE, SEED, SUITE, Recorded, draw_cases, load, simulated
-from studies.development.cases import COMPONENT, INDEPENDENT, LAYERED
+from studies.development.cases import COMPONENT, INDEPENDENT, LAYERED, TAUGHT
 from studies.development.teachers import TOLD, families_in, teachers, told_of
 
 LEFT_OUT = (("alder", "elm", "level_0", "level_3"), ("birch", "fir", "level_1"), ("cedar", "hazel", "level_2"))
@@ -70,7 +69,7 @@ def starts_in(folder: Path) -> list[Path]:
 
 def mixtures(left_out: Sequence[str], count: int) -> list[str]:
     """Names of ``count`` mixtures of the component families that are not ``left_out``."""
-    return [mixture([one for one in component_families.FAMILIES if one not in left_out], n) for n in range(count)]
+    return [mixture([one for one in TAUGHT if one not in left_out], n) for n in range(count)]
 
 
 def teaching(device: str, count: int) -> list[Plants]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from aoro_gym.diagnosis.recording import Recording
-from aoro_gym.diagnosis_benchmark import component_families, independent
+from aoro_gym.diagnosis_benchmark import independent
 from aoro_gym.diagnosis_benchmark.cases import Excitation
 from aoro_gym.diagnosis_benchmark.judge.features import CHANNELS
 from aoro_gym.diagnosis_benchmark.judge.plants import (
@@ -29,7 +29,9 @@ LAYERED: tuple[LayeredPlants, ...] = tuple(LayeredPlants(level) for level in (0,
 """Plants around the calibrated ensemble, whose laws the twin does not share."""
 INDEPENDENT: tuple[IndependentPlants, ...] = tuple(IndependentPlants(name) for name in independent.FAMILIES)
 """Plants that share nothing with the twin."""
-COMPONENT: tuple[IndependentPlants, ...] = tuple(ComponentPlants(name) for name in component_families.FAMILIES)
+TAUGHT: tuple[str, ...] = ("elm", "fir", "hazel")
+"""Component families that were judged once and have taught since."""
+COMPONENT: tuple[IndependentPlants, ...] = tuple(ComponentPlants(name) for name in TAUGHT)
 """Plants that share nothing with the twin either, and but the integrator with :data:`INDEPENDENT`."""
 OPENED: tuple[tuple[int, tuple[IndependentPlants, ...]], ...] = (
     (112849172439076219896902514827477302792, INDEPENDENT),
