@@ -1,4 +1,4 @@
-"""Component families: machines of three more families of laws, part by part on common states.
+"""Component families: machines of more families of laws, part by part on common states.
 
 Written from literature and the published vehicle, apart from the twin and from the independent plants, whose integrator and
 plane kinematics alone they share. What an effect physically is differs from family to family; what is measured of it does

@@ -18,12 +18,15 @@ ORDERS = {
     "elm": ((1.0, 1.0), (4.0, 0.5)),
     "fir": ((0.5, 0.7), (2.0, 1.0), (4.32, 0.6)),
     "hazel": ((1.0, 0.5), (3.985, 1.0), (6.0, 0.4)),
+    "maple": ((0.5, 0.5), (2.0, 0.6), (3.0, 0.8)),
 }
 """Engine orders on the joint angle by the family of its sensor, and their share of :data:`WAVE`."""
 WAVE = 3e-4
 """Amplitude of an engine order on the joint angle [rad] (E)."""
-SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052}
+SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052, "maple": 0.1}
 """Resolution of the engine's speed [rad/s] by the family of the chain."""
+SCAN = (2, 3, 4, 5, 0, 1, 6)
+"""How many channels a multiplexer samples after each of joint angle, pressures a, b, pump, drive and engine speed."""
 
 
 def delayed(values: Floats, delay: float) -> Floats:
@@ -58,6 +61,12 @@ def butterworth(values: Floats, lag: float) -> Floats:
     return lfilter(b, a, values - values[0]) + values[0]
 
 
+def ladder(values: Floats, lag: float) -> Floats:
+    """Values (K,) behind two resistors and capacitors in a row, each RC = ``lag`` [s]: 1/(1 + 3 RC s + (RC s)²)."""
+    slow = 0.5 * (3.0 + math.sqrt(5.0)) * lag
+    return lagged(lagged(values, slow), lag * lag / slow)
+
+
 def held(values: Floats, period: float) -> Floats:
     """Values (K,) sampled every ``period`` [s] and held."""
     times = np.arange(len(values)) * GRID
@@ -80,6 +89,8 @@ def command(family: str, values: Floats, m: Made) -> Floats:
         return held(values, m["bus_cycle"])
     if family == "hazel":
         return averaged(values, m["driver_window"])
+    if family == "maple":
+        return lagged(lagged(lagged(values, m["remote_lag"]), m["remote_lag"]), m["remote_lag"])
     return values
 
 
@@ -90,16 +101,21 @@ def _angle(family: str, angle: Floats, m: Made) -> Floats:
     if family == "fir":
         bent = m["angle_gain"] * angle * (1.0 + m["loading"] * (angle / m["stop_angle"]) ** 2)
         return held(butterworth(bent, m["angle_lag"]), m["sample_hold"])
+    if family == "maple":
+        rails = m["angle_gain"] * angle * (1.0 + m["rail_error"] * (1.0 + 0.2 * np.sign(angle)))
+        return delayed(held(ladder(rails, m["angle_ladder"]), m["poll_period"]), m["bus_queue"])
     bent = m["angle_gain"] * angle + m["eccentricity"] * np.sin(angle)
     return updated(averaged(bent, m["angle_window"]), m["update_period"])
 
 
-def _chain(family: str, values: Floats, m: Made) -> Floats:
-    """A channel (K,) through the logger's chain of a family."""
+def _chain(family: str, values: Floats, m: Made, place: int) -> Floats:
+    """A channel (K,) through the logger's chain of a family, by its place in the log."""
     if family == "elm":
         return averaged(values, m["chain_window"])
     if family == "fir":
         return delayed(values, m["chain_delay"])
+    if family == "maple":
+        return delayed(lagged(values, m["chain_lag"]), SCAN[place] * m["dwell"])
     return lagged(values, m["chain_lag"])
 
 
@@ -119,7 +135,7 @@ def measured(
     """
     grid = np.arange(len(fine)) * GRID
     angle = _angle(parts["angle"], fine[:, 0], m) + m["angle_offset"]
-    channels = [_chain(parts["chain"], one, m) for one in (angle, *fine[:, 1:].T)]
+    channels = [_chain(parts["chain"], one, m, place) for place, one in enumerate((angle, *fine[:, 1:].T))]
     angle, *others = (np.interp(times, grid, one) for one in channels)
     for place, port in enumerate(("a", "b", "pump")):
         others[place] = others[place] + m[f"pressure_offset_{port}"]

@@ -19,7 +19,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 
 from .vehicle import STILL, Made, geometry
 
-FAMILIES = ("elm", "fir", "hazel")
+FAMILIES = ("elm", "fir", "hazel", "maple")
 MIXED = "mixed"
 """Begins the names of mixtures."""
 
@@ -33,7 +33,8 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
         ),
         "tires": (
             "brake_torque motor_viscosity soil_modulus cone_number shear_displacement ground_friction patch_radius "
-            "inflation scrub_limit shear relaxation_length twist_stiffness twist_base tire_damping"
+            "inflation scrub_limit shear relaxation_length twist_stiffness twist_base tire_damping bearing adhesion "
+            "tread_width carcass"
         ),
         "hinge": "hinge_torque",
         "seals": "seal_force seal_ratio stribeck_speed seal_viscosity",
@@ -47,15 +48,20 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
             "pocket_volume saturation_pressure dissolving_time line_gas hose_modulus hose_creep piston_leakage port_leakage "
             "spool_frequency spool_damping spool_rate spool_lag pilot_lag coil_lag lever_play spool_friction magnetic_width "
             "driver_gain compensator_lag compensator_stop bypass band_left band_right half_left half_right most_left "
-            "most_right bore_left bore_right"
+            "most_right bore_left bore_right unloading_lag unloading_band unloading_drop override preload return_slope "
+            "return_loss return_inertance gas_time line_bore spring_stiffness compensator_spring notch_left notch_right "
+            "slot_left slot_right"
         ),
-        "command": "command_gain command_delay bus_cycle bus_delay driver_window driver_delay",
+        "command": (
+            "command_gain command_delay bus_cycle bus_delay driver_window driver_delay remote_lag remote_delay"
+        ),
         "angle": (
             "angle_gain angle_offset angle_delay angle_lag sample_hold loading update_period angle_window eccentricity "
-            "angle_noise angle_step"
+            "angle_noise angle_step bus_queue poll_period angle_ladder rail_error"
         ),
         "chain": (
-            "chain_window chain_delay chain_lag pressure_offset_a pressure_offset_b pressure_offset_pump pressure_noise"
+            "chain_window chain_delay chain_lag pressure_offset_a pressure_offset_b pressure_offset_pump pressure_noise "
+            "dwell"
         ),
     }.items()
 }

@@ -23,9 +23,9 @@ STILL = {
     "slew_length": 0.1, "crust_loss": 0.0, "crust_start": 0.0, "other_conductance": 0.0, "other_start": 0.0,
     "other_length": 0.1, "accumulator_volume": 0.0, "accumulator_precharge": 10 * BAR, "pinch_resistance": 0.0,
     "pinch_angle": 0.0, "dead_piston": 0.0, "load_skew": 0.0, "free_axle": 0.0, "half_block": 0.0,
-    "heating": 0.0, "dead_time": 0.0, "attached_left": 1.0, "attached_right": 1.0,
+    "heating": 0.0, "dead_time": 0.0, "attached_left": 1.0, "attached_right": 1.0, "load_tilt": 0.0,
 }  # fmt: skip
-"""Constants of disturbances, all at nought."""
+"""Constants of disturbances, all at nought, and what only some families have."""
 
 
 def around(unit: str, nominal: float, spread: float, source: str, day: float = 0.0) -> Constant:

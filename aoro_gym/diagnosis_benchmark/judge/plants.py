@@ -97,6 +97,8 @@ class IndependentPlants:
 
     PACKAGE: ClassVar[Any] = independent
     """Where families, effects, deviations and recording are."""
+    JUDGING: ClassVar[tuple[str, ...]] = independent.FAMILIES
+    """Families that suites of these plants are of, whatever others the package has."""
 
     name: str
     device: str = "cpu"
@@ -150,6 +152,7 @@ class ComponentPlants(IndependentPlants):
     """A family of :mod:`aoro_gym.diagnosis_benchmark.component_families`, or a mixture of some by its name."""
 
     PACKAGE: ClassVar[Any] = component_families
+    JUDGING: ClassVar[tuple[str, ...]] = ("elm", "fir", "hazel")
 
 
 JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlants, "component": ComponentPlants}
@@ -157,9 +160,9 @@ JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlant
 
 
 def judged_plants(group: str, device: str = "cpu") -> list[IndependentPlants]:
-    """All families of a group of :data:`JUDGED`."""
+    """The judging families of a group of :data:`JUDGED`."""
     plants = JUDGED[group]
-    return [plants(name, device) for name in plants.PACKAGE.FAMILIES]
+    return [plants(name, device) for name in plants.JUDGING]
 
 
 @dataclass(frozen=True)

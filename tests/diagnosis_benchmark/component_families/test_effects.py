@@ -83,7 +83,15 @@ def test_strong_deviations_show_in_the_logs() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "name", ["mixed_elm_fir_0000", "mixed_elm_hazel_0001", "mixed_fir_hazel_0002", "mixed_fir_hazel_0005"]
+    "name",
+    [
+        "mixed_elm_fir_0000",
+        "mixed_elm_hazel_0001",
+        "mixed_fir_hazel_0002",
+        "mixed_fir_hazel_0005",
+        "mixed_fir_maple_0000",
+        "mixed_hazel_maple_0002",
+    ],
 )
 def test_effects_and_deviations_on_drawn_mixtures_leave_finite_logs(name: str) -> None:
     rng, command = np.random.default_rng(5), np.zeros(110)

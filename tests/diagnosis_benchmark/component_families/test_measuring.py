@@ -19,6 +19,7 @@ RAMP = np.arange(2000) * measuring.GRID
         (measuring.lagged, 0.02),
         (measuring.butterworth, 0.03),
         (measuring.updated, 0.0115),
+        (lambda v, lag: measuring.ladder(v, lag / 3), 0.024),
     ],
 )
 def test_a_ramp_comes_late_by_the_lag(law, lag: float) -> None:
@@ -58,7 +59,7 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
     assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
 
 
-@pytest.mark.parametrize("family", ["fir", "hazel", *MIXTURES[:2]])
+@pytest.mark.parametrize("family", ["fir", "hazel", "maple", *MIXTURES[:2]])
 def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
     machine = component.apply("command_delay", family, component.nominal(family), 0.02)
     made = component.GROUP.family_of(family).derived(machine)

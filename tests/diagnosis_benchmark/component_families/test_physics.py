@@ -19,7 +19,7 @@ def command(*parts: tuple[int, float]) -> np.ndarray:
 
 
 def compliances(hydraulics: str, made: dict[str, float], pressure: np.ndarray, volume: np.ndarray) -> np.ndarray:
-    """Compliance [m³/Pa] of side A by the textbooks' formulas, written a second time; without gas on fir and hazel."""
+    """Compliance [m³/Pa] of side A by the textbooks' formulas, written a second time; without gas but on elm."""
     if hydraulics == "elm":
         absolute, share, beta = pressure + ATMOSPHERIC_PRESSURE, made["air_share"], made["bulk_modulus"]
         gas = share * (ATMOSPHERIC_PRESSURE / absolute) ** 0.8
@@ -28,6 +28,11 @@ def compliances(hydraulics: str, made: dict[str, float], pressure: np.ndarray, v
         return (volume + made["hose_volume"]) * mixture + made["hose_volume"] / made["hose_modulus"]
     if hydraulics == "fir":
         return volume / (made["bulk_modulus"] + 10.0 * np.maximum(pressure, 0.0))
+    if hydraulics == "maple":
+        beta, above, size = made["bulk_modulus"], np.maximum(pressure, 0.0), made["hose_volume"]
+        left = 1 - above / (beta + 5.0 * above)  # volume over that without pressure
+        wall = 0.7 / made["hose_modulus"] * np.exp(-above / (350 * BAR)) + 0.3 / 2.6e10
+        return (volume + size) * beta / (beta + 5.0 * above) ** 2 / left + size * wall
     above, scale = np.maximum(pressure, 0.0), 0.0894 * made["bulk_modulus"]
     beta = (scale + above) * (1 - 0.0894 * np.log(1 + above / scale)) / 0.0894
     return (volume + made["hose_volume"]) / beta + made["hose_volume"] / made["hose_modulus"]
@@ -36,7 +41,11 @@ def compliances(hydraulics: str, made: dict[str, float], pressure: np.ndarray, v
 @pytest.mark.parametrize("family", KINDS)
 def test_oil_that_flows_in_moves_the_pistons_or_is_compressed(family: str) -> None:
     machine, hydraulics = component.nominal(family), component.GROUP.family_of(family).parts["hydraulics"]
-    machine |= {"fir": {"pocket_volume": 1e-15}, "hazel": {"line_gas": 1e-15, "hose_creep": 1e-20}}.get(hydraulics, {})
+    machine |= {
+        "fir": {"pocket_volume": 1e-15},
+        "hazel": {"line_gas": 1e-15, "hose_creep": 1e-20},
+        "maple": {"line_gas": 1e-15},
+    }.get(hydraulics, {})
     log = component.trace([component.Run(family, machine, command((10, 0.0), (50, 0.9), (30, 0.6)))])[0]
     made = component.GROUP.family_of(family).derived(machine)
     stored = compliances(hydraulics, made, log["exact_a"], log["volume_a"])

@@ -18,14 +18,17 @@ Inputs = wp.types.vector(length=at.N_INPUTS, dtype=wp.float64)
 
 @wp.func
 def wheel_load(m: Any, wheel: int):
-    """Load [N] of a wheel: share of its axle, skewed over a diagonal if the arms stand unevenly."""
+    """Load [N] of a wheel: share of its axle, skewed over a diagonal if the arms stand unevenly, tilted to the left."""
     load = m.load_rear
     if wheel < 2:
         load = m.load_front
     skew = m.load_skew
     if wheel == 1 or wheel == 2:
         skew = -skew
-    return load * (ONE + skew)
+    tilt = m.load_tilt
+    if wheel == 1 or wheel == 3:
+        tilt = -tilt
+    return wp.max(load * (ONE + skew) + tilt, f64(0.02) * load)
 
 
 @wp.func
