@@ -11,6 +11,7 @@ again, so that it goes on where it was stopped. Twins and training come with the
 with 16 cores, not measured yet: 4 to 8 minutes for 71,000 cases of 10 families and 36 mixtures (12 workers of 6 GiB of the
 GPU and 5 GB of memory each, 3.5 GB of files), then 10 minutes for 40,960 twins and three times 145 s of training (10 GB and
 the network's).
+``--only 0 2`` trains these networks alone, so that a second GPU trains the other one into the same folder.
 ``--cases 0.01 --machines 24 --held-out 8 --mixtures 1 --batch 16 --seconds 5 --device cpu`` tries all that out.
 """
 
@@ -32,6 +33,7 @@ from aoro_gym.diagnosis.network.forward import Weights, networks_in
 from aoro_gym.diagnosis.network.sensing import Draw
 from aoro_gym.diagnosis.network.training import Batch, Course, train
 from aoro_gym.diagnosis.simulation.prior import Prior, SensorPrior
+from aoro_gym.diagnosis_benchmark import component_families
 from aoro_gym.diagnosis_benchmark.component_families.parts import MIXED, mixture
 from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import Suite
@@ -67,14 +69,20 @@ def starts_in(folder: Path) -> list[Path]:
     return found
 
 
+def file_of(number: int) -> str:
+    """Name of the file of a network."""
+    return f"network_{number}.safetensors"
+
+
 def mixtures(left_out: Sequence[str], count: int) -> list[str]:
     """Names of ``count`` mixtures of the component families that are not ``left_out``."""
-    return [mixture([one for one in TAUGHT if one not in left_out], n) for n in range(count)]
+    return [mixture([one for one in component_families.FAMILIES if one not in left_out], n) for n in range(count)]
 
 
 def teaching(device: str, count: int) -> list[Plants]:
     """All plants that teach: families, levels, and ``count`` mixtures for each of :data:`LEFT_OUT`."""
-    plants: list[Plants] = [replace(one, device=device) for one in (*INDEPENDENT, *LAYERED, *COMPONENT)]
+    only_teach = [ComponentPlants(name) for name in component_families.FAMILIES if name not in TAUGHT]
+    plants: list[Plants] = [replace(one, device=device) for one in (*INDEPENDENT, *LAYERED, *COMPONENT, *only_teach)]
     names = dict.fromkeys(name for some in LEFT_OUT for name in mixtures(some, count))
     return [*plants, *(ComponentPlants(name, device) for name in names)]
 
@@ -128,6 +136,10 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--processes", type=int, default=8, help="that draw machines")
     parser.add_argument("--workers", type=int, default=8, help="that simulate a family of plants each")
     parser.add_argument("--cases", type=float, default=1.0, help="share of the plants' cases, to try the study out")
+    parser.add_argument(
+        "--only", type=int, nargs="+", choices=range(len(LEFT_OUT)), default=range(len(LEFT_OUT)),
+        help="numbers of the networks to train here, as when every GPU trains others into the same folder; all by default",
+    )  # fmt: skip
     parser.add_argument("--plants-only", action="store_true", help="simulate plants, and train nothing")
     parser.add_argument("--batch", type=int, default=Course.batch, help="cases in a batch")
     parser.add_argument("--seconds", type=float, default=600.0, help="of training, each network")
@@ -175,14 +187,14 @@ def main() -> None:
     say(f"{len(recorded.family)} cases of {len(plants)} families and mixtures, {days.machines} machines")
     course = Course(steps=1_000_000, batch=options.batch, rate=5e-4)
     taught = [shares_of(names, left_out, options.mixed) for left_out in LEFT_OUT]
-    for number, shares in enumerate(taught):
+    for number in options.only:
         start = Weights.load(starts[number])
         network = train(
             days, course, start=start, seconds=options.seconds, held_out=options.held_out,
-            seed=SEED + number, beside=taught_by(recorded, shares, course),
+            seed=SEED + number, beside=taught_by(recorded, taught[number], course),
             progress=lambda step, steps, losses: say(f"step {step}: " + str({k: round(v, 3) for k, v in losses.items()})),
         )  # fmt: skip
-        between(start, network.weights(scales), options.kept).save(options.folder / f"network_{number}.safetensors")
+        between(start, network.weights(scales), options.kept).save(options.folder / file_of(number))
         say(f"network {number} is trained, without {', '.join(LEFT_OUT[number])}")
     write_json(
         options.folder / TOLD,
@@ -197,7 +209,7 @@ def main() -> None:
             "versions": versions(), "start": [digest(Contents(path)) for path in starts],
             "networks": [
                 {
-                    "file": f"network_{number}.safetensors", "left_out": list(LEFT_OUT[number]),
+                    "file": file_of(number), "left_out": list(LEFT_OUT[number]),
                     "taught": [names[one] for one in shares],
                 }
                 for number, shares in enumerate(taught)
