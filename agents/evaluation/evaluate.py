@@ -34,7 +34,9 @@ from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import load_policy, shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.checks import check_choice, check_integer
+from aoro_gym.envs.core.offered_terms import FURTHER
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.environment import LOCALISATIONS
 from aoro_gym.execution.devices import several
@@ -147,7 +149,7 @@ def evaluate(
     task = TASKS[env]
     names = several(device)
     soil = Soil.named(soil) if isinstance(soil, str) else soil
-    made_of = localised(env, localisation) | ({} if soil is None else {"soil": soil})
+    made_of = {**localised(env, localisation), **({} if soil is None else {"soil": soil}), **observing(policies)}
     make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms, **made_of)
     drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes)
     cache = EpisodeCache(
@@ -173,6 +175,15 @@ def evaluate(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,
         lambda: made.scene(machine), repeats,
     )  # fmt: skip
+
+
+def observing(policies: Mapping[str, Factory]) -> dict[str, Any]:
+    """The environment's argument that asks for what learned policies observe and no environment has unasked; none for
+    none."""
+    learned = (getattr(policy, "__self__", None) for policy in policies.values())
+    names = {name: None for policy in learned if isinstance(policy, LearnedPolicy) for name in policy.layout}
+    terms = {name: True for name in names if name in FURTHER}
+    return {"observation_terms": terms} if terms else {}
 
 
 def localised(env: str, localisation: str | None) -> dict[str, str]:

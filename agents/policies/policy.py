@@ -35,6 +35,7 @@ from aoro_gym.agents.policies.description import (
 )
 from aoro_gym.agents.policies.memory import GatedMemory
 from aoro_gym.checks import check_choice, check_finite, check_range
+from aoro_gym.envs.core.offered_terms import FURTHER
 from aoro_gym.execution.files import read_json, written_whole
 
 Observations = NDArray[np.float32]
@@ -137,7 +138,7 @@ class LearnedPolicy:
         return self.weights[0].shape[1] if self.memory is None else self.memory.sizes[0]
 
     def __call__(self, observations: Observations) -> Actions:
-        values = np.asarray(observations, dtype=np.float32)
+        values = np.asarray(observations, dtype=np.float32)[..., : self.observed]
         if self.normalisation is not None:
             values = self.normalisation(values)
         if self.memory is not None:
@@ -179,15 +180,19 @@ class LearnedPolicy:
                 f"it with localisation={learned!r}, or give --localisation {learned}"
             )
         layout = dict(env.observation_layout)
-        if self.layout and layout != dict(self.layout):
+        # further terms come last: what was learned from is the same without them
+        left_out = [name for name in layout if self.layout and name not in self.layout and name in FURTHER]
+        known = {name: span for name, span in layout.items() if name not in left_out}
+        if self.layout and known != dict(self.layout):
             raise ValueError(
                 f"the policy has learned from {_listed(self.layout)}, but the environment observes {_listed(layout)}"
             )
-        for what, mine, space in (
-            ("observes", self.observed, env.single_observation_space),
-            ("takes", self.sizes[-1], env.single_action_space),
+        beside = sum(layout[name].stop - layout[name].start for name in left_out)
+        for what, mine, further, space in (
+            ("observes", self.observed, beside, env.single_observation_space),
+            ("takes", self.sizes[-1], 0, env.single_action_space),
         ):
-            if space.shape != (mine,):
+            if space.shape != (mine + further,):
                 raise ValueError(f"the environment {what} {space.shape[0]} numbers, but the policy was made for {mine}")
         return self if self.memory is None else replace(self)
 

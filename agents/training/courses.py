@@ -14,7 +14,10 @@ from aoro_gym.envs.limit_tracking import courses as limit_tracking
 from aoro_gym.envs.loading import logs as loading
 from aoro_gym.envs.path_tracking.course_files import FOREST_RUN, LEVELLING, LIMITS, CourseFiles
 from aoro_gym.envs.path_tracking.courses import Course, forest_course, generated_paths
+from aoro_gym.execution.cache import cache_folder
+from aoro_gym.execution.workers import spread
 from aoro_gym.terrains.paths.planning import NoDrivablePath
+from aoro_gym.twin.recorded import cores
 
 LOADING = "AORO/Loading-v0"
 HELD_OUT_FORESTS = (101, 102, 103)
@@ -51,13 +54,32 @@ def training_forests(
     return learned, held_out
 
 
-def made_courses(env: str, count: int) -> tuple[Sequence[Any], Sequence[Any]]:
+GROWN_HERE = 16
+"""Worlds that one process grows sooner than others would have begun."""
+
+
+def made_courses(
+    env: str, count: int, progress: Callable[[float], Any] = lambda share: None
+) -> tuple[Sequence[Any], Sequence[Any]]:
     """``count`` courses of an environment that has its own, from easy to difficult, and others to evaluate on meanwhile:
-    neither is one that ``aoro-gym evaluate`` drives on."""
+    neither is one that ``aoro-gym evaluate`` drives on. ``progress`` is called with the share that is made."""
     if env == LOADING:
         return loading.learned_sites(min(count, loading.SPLITS.validation_seed)), loading.validation_sites()
+    if env == FOREST_RUN and count > GROWN_HERE and cache_folder() is not None:
+        _grow(count, progress)
     made = {LEVELLING: levelling, LIMITS: limit_tracking, FOREST_RUN: forest_run}[env]
     return made.learned_courses(count), made.validation_courses()
+
+
+def _grow(count: int, progress: Callable[[float], Any]) -> None:
+    """Grow worlds to learn in on all cores, each a second or two, to be taken from the disk afterwards."""
+    jobs = {str(seed): (seed, share) for seed, share in forest_run.SPLITS.asked(count)}
+    for done, _ in enumerate(spread(_keep, jobs, workers=min(cores(), count))):
+        progress((done + 1) / count)  # one that failed fails again here, with its own error
+
+
+def _keep(tell: Callable[[int], Any], seed: int, difficulty: float) -> None:
+    forest_run.forest_run_course(seed, difficulty)
 
 
 def course_files(plan: TrainingPlan) -> CourseFiles:

@@ -91,6 +91,7 @@ def inputs_of(
         "perturbation": plan.perturbation,
         **({} if plan.laws is None else {"laws": plan.laws}),
         **localised(plan.env, plan.localisation),
+        **({} if plan.observe is None else {"observe": plan.observe}),
         "hyperparams": hyperparams,
         "curriculum": recipe.stages,
         "start": None if plan.start is None else inputs.policy_content(LearnedPolicy.load(Path(plan.start))),
@@ -158,6 +159,8 @@ def train(
             env_kwargs["courses"] = courses
         if plan.soil is not None:
             env_kwargs["soil"] = plan.soil
+        if plan.observe is not None:
+            env_kwargs["observation_terms"] = dict.fromkeys(plan.observe, True)
         env_kwargs |= localised(plan.env, plan.localisation)
         learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
         stack.callback(learner.close)

@@ -55,8 +55,9 @@ def training_courses(plan: TrainingPlan) -> tuple[Sequence[Course] | None, Seque
         return None, None
     if courses is not None:
         return courses, held_out_courses(plan, courses)
-    if plan.env != TRACKING:
-        return made_courses(plan.env, plan.forests)
     doing = "growing forests"
+    if plan.env != TRACKING:
+        with terminal.progress(doing) as tell:
+            return made_courses(plan.env, plan.forests, partial(tell, doing))
     with terminal.progress(doing) as tell:
         return training_forests(plan.forests, partial(tell, doing))

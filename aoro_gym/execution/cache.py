@@ -23,9 +23,9 @@ from aoro_gym.execution.digest import Contents, digest, versions
 VARIABLE = "AORO_GYM_CACHE"
 """Environment variable that moves the cache or switches it off."""
 OFF = ("", "off", "0", "none")
-LARGEST = 512 * 2**20
+LARGEST = 1024 * 2**20
 """Bytes that the cache may hold."""
-LARGEST_RESULT = LARGEST // 8
+LARGEST_RESULT = LARGEST // 16
 """Bytes of a result that is kept; what is larger would drive out too much."""
 NAMES = "names"
 """Array of a file that lists the others: a name that is damaged is no other name."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import replace
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 from aoro_gym.envs.core.terms import ObservationTerm, changed_observations, changed_rewards
 from aoro_gym.execution.array_api import Array
@@ -44,6 +44,9 @@ OFFERED: dict[str, Callable[[], ObservationTerm]] = {
 }
 """By name, with their defaults; see :mod:`aoro_gym.envs.core.ray_terms` and :mod:`aoro_gym.envs.core.camera_terms`."""
 
+FURTHER = (*OFFERED, "obstacle_map")
+"""Names of all terms that an environment observes only where it is asked to; the last one is of forest runs."""
+
 
 def changed_config(
     config: Config,
@@ -51,6 +54,7 @@ def changed_config(
     observation_terms: Mapping[str, Any] | None,
     randomisation: Any,
     further: Mapping[str, Callable[[Any], Array]],
+    offered: Mapping[str, Callable[[], ObservationTerm]] | None = None,
 ) -> Config:
     """A task's configuration with what its environment is asked for besides.
 
@@ -60,13 +64,14 @@ def changed_config(
         observation_terms: Likewise.
         randomisation: Instead of the configuration's; None keeps it.
         further: Reward terms that can be asked for by name.
+        offered: Likewise observation terms, beside :data:`OFFERED`.
 
     Raises ValueError that names the term and the fix.
     """
-    known: Any = config
+    known, terms = cast(Any, config), OFFERED | dict(offered or {})
     return replace(
         known,
         reward_terms=changed_rewards(known.reward_terms, reward_terms, further),
-        observation_terms=changed_observations(known.observation_terms, observation_terms, OFFERED),
+        observation_terms=changed_observations(known.observation_terms, observation_terms, terms),
         randomisation=known.randomisation if randomisation is None else randomisation,
     )

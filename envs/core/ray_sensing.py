@@ -56,6 +56,7 @@ class RaySensing:
         self._poses = arrays.zeros((kept, n, 7), xp.float32)
         self._met = {0}  # grounds that any machine has stood on
         self._made: dict[Any, Any] = {}
+        self._remembered: dict[Any, Array] = {}
 
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_made": {}}  # made anew on its device
@@ -88,6 +89,19 @@ class RaySensing:
         if key not in self._made:
             self._made[key] = make()
         return self._made[key]
+
+    def once(self, key: Any, view: Any, make: Any) -> Any:
+        """What ``make()`` gives for a view, made once for all terms that ask for the same ``key``."""
+        kept = self._made.get(("once", key))
+        if kept is None or kept[0] is not view:
+            kept = self._made["once", key] = view, make()
+        return kept[1]
+
+    def remembered(self, key: Any, shape: tuple[int, ...], kind: Any) -> Array:
+        """An array under ``key`` that lasts from step to step, of zeros at first."""
+        if key not in self._remembered:
+            self._remembered[key] = self.arrays.zeros(shape, kind)
+        return self._remembered[key]
 
     def scene(self, number: int) -> Scene:
         """What rays meet on a ground."""

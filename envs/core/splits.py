@@ -46,6 +46,11 @@ class Splits(Generic[T]):
         check_range("number of courses to learn on", count, ge=1, le=self.validation_seed)
         return self._from(0, count)
 
+    def asked(self, count: int) -> list[tuple[int, float]]:
+        """Seeds and difficulties of so many courses to learn on, which make them; raises as :meth:`learned`."""
+        check_range("number of courses to learn on", count, ge=1, le=self.validation_seed)
+        return _asked(self.least_difficulty, 0, count)
+
     def validation(self) -> tuple[T, ...]:
         """Courses that the evaluations of a training drive on, which choose its best policy."""
         return self._from(self.validation_seed, VALIDATED)
@@ -61,5 +66,10 @@ class Splits(Generic[T]):
 @cache
 def _made(make: Callable[[int, float], Any], least: float, first: int, count: int) -> tuple[Any, ...]:
     """As many courses, of seeds from ``first`` on."""
+    return tuple(make(*one) for one in _asked(least, first, count))
+
+
+def _asked(least: float, first: int, count: int) -> list[tuple[int, float]]:
+    """Seed and difficulty of each."""
     shares = np.round(np.linspace(least, 1.0, count), 3).tolist()
-    return tuple(make(first + number, share) for number, share in enumerate(shares))
+    return [(first + number, share) for number, share in enumerate(shares)]

@@ -19,6 +19,16 @@ from aoro_gym.terrains import Path, Plane, Terrain
 from aoro_gym.terrains.world.world import World
 
 
+def _obstacle_map() -> ObservationTerm:
+    from aoro_gym.envs.forest_run.obstacle_map import obstacle_map  # its kernels are loaded when it is asked for
+
+    return obstacle_map()
+
+
+OFFERED: Mapping[str, Callable[[], ObservationTerm]] = {"obstacle_map": _obstacle_map}
+"""Observation terms of forest runs alone that are asked for by True."""
+
+
 class ForestRunVectorEnv(TwinVectorEnv):
     """``gymnasium.make_vec("AORO/ForestRun-v0", num_envs=N)``: N vehicles in their forests, the twins of one launch.
 
@@ -42,8 +52,9 @@ class ForestRunVectorEnv(TwinVectorEnv):
         path: The only path in it.
         reward_terms: Changes to the reward terms by name; see :mod:`aoro_gym.envs.core.terms`.
         observation_terms: Changes to the observation terms by name; ``"lidar": True`` and ``"height_map": True`` add what
-            rays show, see :mod:`aoro_gym.envs.core.ray_terms`, and ``"obstacles": obstacles(...)`` changes what the lidar
-            does, see :mod:`aoro_gym.envs.forest_run.obstacles`.
+            rays show, see :mod:`aoro_gym.envs.core.ray_terms`, ``"obstacle_map": True`` what past sweeps have shown, see
+            :mod:`aoro_gym.envs.forest_run.obstacle_map`, and ``"obstacles": obstacles(...)`` changes what the lidar does,
+            see :mod:`aoro_gym.envs.forest_run.obstacles`.
         randomisation: Instead of the configuration's: ``FIXED``, ``MILD`` or an own one.
         arguments: See :class:`TwinVectorEnv`: machine, ground, device, output, own_machines, autoreset_mode,
             max_episode_steps, render_mode.
@@ -66,7 +77,7 @@ class ForestRunVectorEnv(TwinVectorEnv):
     ):
         check_keywords(type(self), arguments)
         config = ForestRunConfig() if config is None else config
-        config = changed_config(config, reward_terms, observation_terms, randomisation, FURTHER_REWARD_TERMS)
+        config = changed_config(config, reward_terms, observation_terms, randomisation, FURTHER_REWARD_TERMS, OFFERED)
         if courses is None and terrain is None and path is None:
             courses = learned_courses()
         library = as_courses(courses, terrain, path)

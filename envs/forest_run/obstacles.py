@@ -71,9 +71,16 @@ class ObstacleView:
         """(K,) directions [rad] of the sectors' middles, positive left, in the machine's axes."""
         return self.lidar.directions[: self.lidar.model.columns, 0]
 
+    def swept(self, view: Any) -> Array:
+        """Ranges [m] of the lidar's last sweep (N, pulses), cast once a step for all terms."""
+        return view.rays.once(self.lidar, view, lambda: self.lidar(view))
+
     def __call__(self, view: Any) -> Array:
+        return view.rays.once(self, view, lambda: self._shown(view))
+
+    def _shown(self, view: Any) -> Array:
         xp, columns = view.xp, self.lidar.model.columns
-        ranges = xp.astype(self.lidar(view), xp.float64)
+        ranges = xp.astype(self.swept(view), xp.float64)
         angles = view.rays.made(("obstacles", self.lidar), lambda: view.rays.arrays.asarray(self.lidar.directions))
         azimuth, elevation = angles[:, 0][None], angles[:, 1][None]
         roll, pitch = view.measured_roll[:, None], view.measured_pitch[:, None]
