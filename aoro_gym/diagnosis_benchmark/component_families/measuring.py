@@ -19,11 +19,12 @@ ORDERS = {
     "fir": ((0.5, 0.7), (2.0, 1.0), (4.32, 0.6)),
     "hazel": ((1.0, 0.5), (3.985, 1.0), (6.0, 0.4)),
     "maple": ((0.5, 0.5), (2.0, 0.6), (3.0, 0.8)),
+    "oak": ((1.5, 0.4), (2.0, 0.9), (5.0, 0.5)),
 }
 """Engine orders on the joint angle by the family of its sensor, and their share of :data:`WAVE`."""
 WAVE = 3e-4
 """Amplitude of an engine order on the joint angle [rad] (E)."""
-SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052, "maple": 0.1}
+SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052, "maple": 0.1, "oak": 0.02}
 """Resolution of the engine's speed [rad/s] by the family of the chain."""
 SCAN = (2, 3, 4, 5, 0, 1, 6)
 """How many channels a multiplexer samples after each of joint angle, pressures a, b, pump, drive and engine speed."""
@@ -67,6 +68,36 @@ def ladder(values: Floats, lag: float) -> Floats:
     return lagged(lagged(values, slow), lag * lag / slow)
 
 
+def bessel(values: Floats, lag: float) -> Floats:
+    """Values (K,) behind a Bessel low-pass of second order, 3/((s T)² + 3 s T + 3), of delay T = ``lag`` [s]; bilinear."""
+    k = 2.0 / GRID * lag
+    a = (k * k + 3.0 * k + 3.0, 6.0 - 2.0 * k * k, k * k - 3.0 * k + 3.0)
+    return lfilter([3.0, 6.0, 3.0], a, values - values[0]) + values[0]
+
+
+def decimated(values: Floats, length: float) -> Floats:
+    """Values (K,) behind a decimator of three moving means in a row (Hogenauer 1981), together ``length`` [s] long.
+
+    Each is exact for straight lines between samples.
+    """
+    window = length / 3.0
+    cells = (np.arange(len(values)) * GRID - window) / GRID
+    low = np.floor(np.maximum(cells, 0.0)).astype(int)
+    share = np.maximum(cells, 0.0) - low
+    for _ in range(3):
+        area = np.concatenate([[0.0], np.cumsum(0.5 * (values[1:] + values[:-1]) * GRID)])
+        first, last = values[low], values[np.minimum(low + 1, len(values) - 1)]
+        before = area[low] + GRID * share * (first + 0.5 * share * (last - first))
+        values = (area - before - values[0] * np.minimum(cells, 0.0) * GRID) / window
+    return values
+
+
+def rounded(values: Floats, cycle: float) -> Floats:
+    """Values (K,) whose times are rounded to multiples of a ``cycle`` [s]."""
+    times = np.arange(len(values)) * GRID
+    return np.interp(np.floor(times / cycle + 0.5) * cycle, times, values)
+
+
 def held(values: Floats, period: float) -> Floats:
     """Values (K,) sampled every ``period`` [s] and held."""
     times = np.arange(len(values)) * GRID
@@ -91,6 +122,8 @@ def command(family: str, values: Floats, m: Made) -> Floats:
         return averaged(values, m["driver_window"])
     if family == "maple":
         return lagged(lagged(lagged(values, m["remote_lag"]), m["remote_lag"]), m["remote_lag"])
+    if family == "oak":
+        return bessel(values, m["input_lag"])
     return values
 
 
@@ -104,6 +137,9 @@ def _angle(family: str, angle: Floats, m: Made) -> Floats:
     if family == "maple":
         rails = m["angle_gain"] * angle * (1.0 + m["rail_error"] * (1.0 + 0.2 * np.sign(angle)))
         return delayed(held(ladder(rails, m["angle_ladder"]), m["poll_period"]), m["bus_queue"])
+    if family == "oak":
+        bent = m["angle_gain"] * np.arctan2((1.0 + m["imbalance"]) * np.sin(angle), np.cos(angle))
+        return rounded(delayed(bessel(bent, m["angle_lag"]), m["angle_delay"]), m["stamp_cycle"])
     bent = m["angle_gain"] * angle + m["eccentricity"] * np.sin(angle)
     return updated(averaged(bent, m["angle_window"]), m["update_period"])
 
@@ -116,6 +152,8 @@ def _chain(family: str, values: Floats, m: Made, place: int) -> Floats:
         return delayed(values, m["chain_delay"])
     if family == "maple":
         return delayed(lagged(values, m["chain_lag"]), SCAN[place] * m["dwell"])
+    if family == "oak":
+        return decimated(values, m["decimation"])
     return lagged(values, m["chain_lag"])
 
 

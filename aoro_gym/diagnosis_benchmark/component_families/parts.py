@@ -19,7 +19,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 
 from .vehicle import STILL, Made, geometry
 
-FAMILIES = ("elm", "fir", "hazel", "maple")
+FAMILIES = ("elm", "fir", "hazel", "maple", "oak")
 MIXED = "mixed"
 """Begins the names of mixtures."""
 
@@ -34,7 +34,7 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
         "tires": (
             "brake_torque motor_viscosity soil_modulus cone_number shear_displacement ground_friction patch_radius "
             "inflation scrub_limit shear relaxation_length twist_stiffness twist_base tire_damping bearing adhesion "
-            "tread_width carcass"
+            "tread_width carcass churning soil_stress bore_radius stiff_along stiff_across"
         ),
         "hinge": "hinge_torque",
         "seals": "seal_force seal_ratio stribeck_speed seal_viscosity",
@@ -50,18 +50,21 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
             "driver_gain compensator_lag compensator_stop bypass band_left band_right half_left half_right most_left "
             "most_right bore_left bore_right unloading_lag unloading_band unloading_drop override preload return_slope "
             "return_loss return_inertance gas_time line_bore spring_stiffness compensator_spring notch_left notch_right "
-            "slot_left slot_right"
+            "slot_left slot_right check_drop torque_limit swash_lag swash_friction relief_band relief_lag return_length "
+            "return_gas hose_relaxed wall_fast wall_slow coil_radius piston_gap play_width discharge "
+            "compensator_frequency"
         ),
         "command": (
-            "command_gain command_delay bus_cycle bus_delay driver_window driver_delay remote_lag remote_delay"
+            "command_gain command_delay bus_cycle bus_delay driver_window driver_delay remote_lag remote_delay "
+            "input_lag input_delay"
         ),
         "angle": (
             "angle_gain angle_offset angle_delay angle_lag sample_hold loading update_period angle_window eccentricity "
-            "angle_noise angle_step bus_queue poll_period angle_ladder rail_error"
+            "angle_noise angle_step bus_queue poll_period angle_ladder rail_error stamp_cycle imbalance"
         ),
         "chain": (
             "chain_window chain_delay chain_lag pressure_offset_a pressure_offset_b pressure_offset_pump pressure_noise "
-            "dwell"
+            "dwell decimation"
         ),
     }.items()
 }

@@ -20,6 +20,8 @@ RAMP = np.arange(2000) * measuring.GRID
         (measuring.butterworth, 0.03),
         (measuring.updated, 0.0115),
         (lambda v, lag: measuring.ladder(v, lag / 3), 0.024),
+        (measuring.bessel, 0.017),
+        (lambda v, lag: measuring.decimated(v, 2 * lag), 0.0143),
     ],
 )
 def test_a_ramp_comes_late_by_the_lag(law, lag: float) -> None:
@@ -34,8 +36,23 @@ def test_a_held_ramp_comes_late_by_half_the_period() -> None:
     assert late.min() == pytest.approx(0.0, abs=1e-12)
 
 
+def test_times_are_rounded_to_the_next_cycle_either_way() -> None:
+    late = RAMP - measuring.rounded(RAMP, 0.004)
+    assert late[:-4].min() == pytest.approx(-0.002) and late.max() == pytest.approx(0.001)  # halves go up
+
+
 @pytest.mark.parametrize(
-    "law", [measuring.delayed, measuring.averaged, measuring.lagged, measuring.butterworth, measuring.held]
+    "law",
+    [
+        measuring.delayed,
+        measuring.averaged,
+        measuring.lagged,
+        measuring.butterworth,
+        measuring.held,
+        measuring.bessel,
+        measuring.decimated,
+        measuring.rounded,
+    ],
 )
 def test_what_stands_still_passes(law) -> None:
     assert law(np.full(300, 3.7), 0.02) == pytest.approx(3.7, rel=1e-12)
@@ -59,7 +76,7 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
     assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
 
 
-@pytest.mark.parametrize("family", ["fir", "hazel", "maple", *MIXTURES[:2]])
+@pytest.mark.parametrize("family", ["fir", "hazel", "maple", "oak", *MIXTURES[:2]])
 def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
     machine = component.apply("command_delay", family, component.nominal(family), 0.02)
     made = component.GROUP.family_of(family).derived(machine)

@@ -107,7 +107,7 @@ def test_days_vary_as_those_of_each_part() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["oak", "mixed", "mixed_0001", "mixed_fir_elm_0001", "mixed_elm_elm_0001", "mixed_elm_7"]
+    "name", ["pine", "mixed", "mixed_0001", "mixed_fir_elm_0001", "mixed_elm_elm_0001", "mixed_elm_7"]
 )
 def test_what_is_no_family_is_an_error(name: str) -> None:
     with pytest.raises(ValueError, match="family must be one of"):
