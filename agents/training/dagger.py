@@ -173,7 +173,8 @@ class Dagger:
         self._actions = np.concatenate([self._actions, *done])[-keep:]
         if self._mean is None:
             self._mean = self._observations.mean(axis=0, dtype=np.float64)
-            self._variance = self._observations.var(axis=0, dtype=np.float64)
+            variance = self._observations.var(axis=0, dtype=np.float64)
+            self._variance = np.maximum(variance, least_deviations(self.envs) ** 2)
 
     def _fit(self, learning_rate: float) -> None:
         """Least absolute deviations from the teacher's actions, by Adam."""
@@ -253,6 +254,15 @@ class Dagger:
 
     def close(self) -> None:
         self._env.close()
+
+
+def least_deviations(envs: TwinVectorEnv) -> NDArray[np.float64]:
+    """Deviations (O,) that observations are normalised by at least: 0, but for terms whose function says otherwise by its
+    ``least_deviation``, as the first rollout does not show of them what comes later."""
+    out = np.zeros(envs.single_observation_space.shape)
+    for name, term in envs.task.observation_terms.items():
+        out[envs.observation_layout[name]] = getattr(term.function, "least_deviation", 0.0)
+    return out
 
 
 def teacher_of(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:

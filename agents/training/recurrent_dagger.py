@@ -23,7 +23,7 @@ from aoro_gym.agents.controllers.exact import EXACT, exact_observations
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation
 from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
-from aoro_gym.agents.training.dagger import CLIP, EPSILON, Hyperparams, teacher_of
+from aoro_gym.agents.training.dagger import CLIP, EPSILON, Hyperparams, least_deviations, teacher_of
 from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.memory_network import MemoryNetwork
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -142,7 +142,9 @@ class RecurrentDagger:
         seen, wanted, errors, began = (torch.stack(column) for column in zip(*kept, strict=True))
         if self._moments is None:
             flat = seen.reshape(-1, seen.shape[-1]).double()
-            self._moments = flat.mean(dim=0), torch.sqrt(flat.var(dim=0, correction=0) + EPSILON)
+            least = torch.from_numpy(least_deviations(self.envs)).to(self._device)
+            deviation = torch.sqrt(flat.var(dim=0, correction=0) + EPSILON)
+            self._moments = flat.mean(dim=0), torch.maximum(deviation, least)
         deviations = (errors / self._moments[1][self._measured]).float()
         return Rollout(
             self._normalised(seen), wanted, torch.clip(deviations, -LARGEST_ERROR, LARGEST_ERROR), began, first

@@ -53,6 +53,11 @@ class ObstacleMap:
     half_widths: tuple[float, ...] = (1.3, 1.8)
     """[m] of what is driven along arcs: that of the machine, and with what it sweeps in bends and room. (E)"""
 
+    @property
+    def least_deviation(self) -> float:
+        """[m] by which a training normalises at least: in an episode's first steps nothing is in the map yet."""
+        return 0.25 * self.reach
+
     def __post_init__(self) -> None:
         check_range("cell", self.cell, "m", ge=0.1, le=1.0)
         check_range("mapped", self.mapped, "m", gt=0.0, le=0.25 * EXTENT)

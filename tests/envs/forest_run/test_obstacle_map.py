@@ -169,6 +169,15 @@ def test_an_evaluation_asks_for_what_a_policy_has_learned_from():
         wide.made_for(ForestRunVectorEnv(N, courses=[course()]))
 
 
+def test_what_is_not_mapped_at_first_is_normalised_by_its_reach():
+    pytest.importorskip("torch")
+    from aoro_gym.agents.training.dagger import least_deviations
+
+    env = make()
+    least, columns = least_deviations(env), env.observation_layout["obstacle_map"]
+    assert np.all(least[columns] == 3.0) and np.count_nonzero(least) == columns.stop - columns.start
+
+
 def test_a_wrong_setting_is_named():
     with pytest.raises(ValueError, match=r"half_widths\[1\] is 7 m"):
         obstacle_map(half_widths=(1.0, 7.0))
