@@ -7,7 +7,8 @@ each mode a demand, spread the demands over the corners, and lift what comes out
 
 All of them see nothing but the observation; what a driver knows of the machine stands in :class:`Stance`. Gains are numbers,
 or arrays (N,) that give every sub-environment its own. The defaults are what ``python -m aoro_gym.agents.training.tuning
---env AORO/Levelling-v0`` finds for the calibrated machine ``aoro`` (seed 0, 112 candidates each), to three digits.
+--env AORO/Levelling-v0`` finds for ``aoro_least_squares``, the machine ``aoro`` until November
+2026 (seed 0, 112 candidates each), to three digits.
 """
 
 from __future__ import annotations
@@ -316,8 +317,9 @@ def _model(rows: Any) -> tuple[Floats, Floats]:
 
 MODEL: Mapping[str, tuple[Floats, Floats]] = {block: _model(rows) for block, rows in _STEPS.items()}
 """A (5, 5), B (5, 2) of x⁺ = A x + B u over a control step of 0.05 s, u the demands of a block's modes, x = (angle [rad],
-its rate [rad/s], twist [100 bar] or height lacking [m], the last demands (2)): the twin linearised about driving on level
-ground, by ``python -m aoro_gym.agents.training.levelling_model``, to four digits."""
+its rate [rad/s], twist [100 bar] or height lacking [m], the last demands (2)): the twin of
+``aoro_least_squares`` linearised about driving on level ground, by
+``python -m aoro_gym.agents.training.levelling_model``, to four digits."""
 
 
 class ModalRegulator(ModalController):

@@ -13,12 +13,12 @@ All of them see nothing but the observation; what a driver knows of the vehicle 
 numbers, or arrays (N,) that give every sub-environment its own.
 
 The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are what ``python -m
-aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for the calibrated machine ``aoro`` (seed 0, 160
-candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier search, with which it strays less
-over whole paths (0.037 m against 0.053 m). The drive signal and the dead bands are the machine's own values. The drive
-signal is constant: on these paths at this speed, no slowing down was needed. For ``-v1`` gains are those of
-:data:`aoro_gym.agents.controllers.reference.LIMIT_GAINS`; PreviewDriver, which slows down, has defaults for who knows the
-true errors.
+aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for ``aoro_least_squares``, the machine ``aoro``
+until November 2026 (seed 0, 160 candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier
+search, with which it strays less over whole paths (0.037 m against 0.053 m). The drive signal and the dead bands are
+the machine's own values. The drive signal is constant: on these paths at this speed, no slowing down was needed. For
+``-v1`` gains are those of :data:`aoro_gym.agents.controllers.reference.LIMIT_GAINS`; PreviewDriver, which slows down,
+has defaults for who knows the true errors.
 """
 
 from __future__ import annotations

@@ -76,9 +76,10 @@ def settled(model: StraightDrive, signal: float) -> Floats:
     machine, line = model.machine, model.machine.driveline
     rate = signal * line.pump.displacement * machine.engine.set_speed / (4.0 * line.motor.displacement)
     guess = {
-        "speed": rate * machine.tire.radius, "wheel_rate": rate, "drive_forward": 35e5, "drive_return": 24e5,
-        "line_front": 34e5, "line_rear": 34e5, "charge": 25e5, "drive_swash": signal, "fraction_front": 1.0,
-        "fraction_rear": 1.0, "engine_speed": machine.engine.set_speed, "engine_torque": 150.0, "governor": 150.0,
+        "speed": rate * machine.tire.radius, "wheel_rate_front": rate, "wheel_rate_rear": rate,
+        "drive_forward": 35e5, "drive_return": 24e5, "line_front": 34e5, "line_rear": 34e5, "charge": 25e5,
+        "drive_swash": signal, "fraction_front": 1.0, "fraction_rear": 1.0, "engine_speed": machine.engine.set_speed,
+        "engine_torque": 150.0, "governor": 150.0,
     }  # fmt: skip
     return model.settled(guess, {"drive_signal": signal})
 

@@ -40,7 +40,7 @@ class Member:
 
 MEMBERS: Mapping[str, Member] = {
     "aoro": Member("default", "mevea"),
-    "aoro_probable": Member("default", "mevea"),
+    "aoro_least_squares": Member("default", "mevea"),
     "aoro_published_inputs": Member("default", "mevea"),
     "aoro_physical": Member("materials", "physical"),
     **{

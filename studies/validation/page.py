@@ -143,7 +143,7 @@ def bounds(results: Results) -> str:
 
 def of_the_twin(results: Results) -> str:
     """Figures of the published twin beside those of the machines that were calibrated to them."""
-    names = ("aoro", "aoro_probable", "aoro_published_inputs")
+    names = ("aoro", "aoro_least_squares", "aoro_published_inputs")
     found = {name: turned(results["members"][name]) for name in names}
     rows = []
     for turn in (turn for turn in TURNS if turn.direction == "left"):

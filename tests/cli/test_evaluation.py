@@ -97,12 +97,12 @@ def test_a_policy_in_a_file_is_exported(still):
 def test_policies_in_files_are_evaluated(tmp_path, still, short_episodes):
     file = still
     options = ["--env", "AORO/Turning-v0", "--episodes", 1, "--no-films", "--out", tmp_path / "evaluation"]
-    shown = call("evaluate", "--policy", file, "--policy", "bang-bang", *options)
+    shown = call("evaluate", "--policy", file, "--policy", "proportional-derivative", *options)
     assert shown.exit_code == 0, shown.output
     figures = json.loads((tmp_path / "evaluation" / "evaluation.json").read_text())["policies"]
     name = "-".join(file.with_suffix("").parts[1:])
     assert figures[name]["settled_share"]["mean"] == 0.0
-    assert figures["bang-bang"]["settled_share"]["mean"] > 0.0
+    assert figures["proportional-derivative"]["settled_share"]["mean"] > 0.0
     shown = call("evaluate", "--policy", file, "--policy", file, *options)
     assert (shown.exit_code, "twice; give each once" in shown.stderr) == (2, True)
     shown = call("evaluate", "--policy", tmp_path / "model.zip", *options)

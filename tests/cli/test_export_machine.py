@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 
 import pytest
 
+from aoro_gym import Machine
 from tests.cli.calling import call, check_refused
 
 
@@ -20,7 +21,9 @@ def test_writes_file_and_figures_and_lists_what_is_missing(tmp_path, format_, na
     assert ElementTree.parse(tmp_path / name).getroot().tag == root
     figures = json.loads((tmp_path / f"{name}.json").read_text(encoding="utf-8"))
     assert figures["made_by"]["machine"] == {"file": "aoro", "set": [], "scale": ["frame.front.mass=1.01"]}
-    assert figures["bodies"]["front_frame"]["mass"] == pytest.approx(1.01 * 3886.4)
+    assert figures["bodies"]["front_frame"]["mass"] == pytest.approx(
+        1.01 * float(Machine.load("aoro").frame.front.mass)
+    )
     assert f"What {format_.upper()} cannot say" in shown.stdout
     assert all(one["part"] in shown.stdout for one in figures["not_said"])
     assert shown.stdout.strip().splitlines()[-2:] == [f"wrote {name}", f"wrote {name}.json"]

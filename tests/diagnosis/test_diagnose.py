@@ -19,12 +19,14 @@ from aoro_gym.machine import Machine
 from aoro_gym.simulation.log import write_log
 from tests.diagnosis.manoeuvres import blank, record, turn
 
+MACHINE = Machine.load("aoro_least_squares")
+"""Of the laws and parameters that the shipped networks learned on."""
 LAG = 0.05
 MANOEUVRES = [blank("left", turn(0.8, 2.2), -0.3), blank("right", turn(-0.6, 2.0), 0.3)]
 
 
 def recorded(seed: int, *effects):
-    return record(Variants.of(Machine.load("aoro"), effects, 1), MANOEUVRES, np.random.default_rng(seed))
+    return record(Variants.of(MACHINE, effects, 1), MANOEUVRES, np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +38,9 @@ def diagnosed(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(pipeline, "FITTED", 1)
         patch.setattr(pipeline, "next_experiments", lambda *args, **kwargs: ())  # has tests of its own
-        found = diagnose(later, healthy=recorded(5), out=folder, progress=lambda *about: told.append(about))
+        found = diagnose(
+            later, machine=MACHINE, healthy=recorded(5), out=folder, progress=lambda *about: told.append(about)
+        )
     return found, folder, told
 
 
@@ -48,7 +52,7 @@ def test_the_cause_its_size_and_its_machine_are_given(diagnosed):
     assert found.declared_set[0] == "spool_lag"
     (size,) = first.magnitudes["spool_lag"]
     assert size.low90 < LAG < size.high90
-    machine, affected = Machine.load("aoro"), Machine.load(str(folder / first.machine_file))
+    machine, affected = MACHINE, Machine.load(str(folder / first.machine_file))
     longer = affected.steering.valve.spool_time_constant - machine.steering.valve.spool_time_constant
     assert longer == pytest.approx(LAG, rel=0.2)
 

@@ -568,15 +568,16 @@ def test_a_mount_that_bears_nothing_is_in_the_middle_of_its_play(shipped: Machin
         return twin.state.numpy()[State.MOUNT]
 
     assert np.all(rest(0.0, 0.3) == 0.0)
-    left, right = rest(5.0, 0.3)
+    left, right = rest(10.0, 0.3)
     assert left * right < 0.0
     assert min(abs(left), abs(right)) > 0.5 * play
 
 
-def test_a_mount_is_bent_from_the_start_by_what_it_bears(shipped: Machine):
+def test_a_mount_is_bent_from_the_start_by_what_it_bears():
     """On a slope a soft frame with play stands as still as a rigid one, within 0.05 mrad; from an unbent mount it falls
-    through most of half the play."""
-    play = 0.006
+    through most of half the play. The mounts of `aoro` bear less on that slope, which a reset takes for nothing: they fall,
+    too; on steeper ones oil that leaks lets either joint settle by more than this bound."""
+    shipped, play = Machine.load("aoro_least_squares"), 0.006
     soft = EFFECTS["frame_compliance"].apply(shipped, np.array([0.0, 5e-7]))
     machine = soft.set({"joint.backlash": np.array([0.0, play])}, si=True)
     moved = []

@@ -178,10 +178,10 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
     [
         ("aoro_datasheet", None),
         ("aoro", "aoro_datasheet"),
-        ("aoro_probable", "aoro_datasheet"),
+        ("aoro_least_squares", "aoro_datasheet"),
         ("aoro_published_inputs", "aoro_datasheet"),
         ("aoro_physical", "aoro_datasheet"),
-        *((f"ensemble/0{i}", "aoro") for i in range(1, 9)),
+        *((f"ensemble/0{i}", "aoro_least_squares") for i in range(1, 9)),
         *((f"structures/{name}", "aoro_datasheet") for name in SHIPPED),
     ],
 )

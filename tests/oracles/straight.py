@@ -1,8 +1,9 @@
 """A machine that drives, shifts and brakes straight on, as one small ODE in float64: the reference of time courses.
 
-One rigid body that rolls on and pitches on its four tires' springs, four wheels that turn alike, their tires' bristles
-(LuGre along the way), and the driveline of :mod:`tests.oracles.hydraulics`. Left out are heave, arms that give way, the
-difference of the axles' loads, and what pump 2 idles at. A plane; x forward and uphill, pitch positive nose down.
+One rigid body that rolls on and pitches on its four tires' springs, two axles, the wheels of each turning alike, their
+tires' bristles (LuGre along the way) under the load that the axle bears, and the driveline of
+:mod:`tests.oracles.hydraulics`. Left out are heave, arms that give way, and what pump 2 idles at. A plane; x forward and
+uphill, pitch positive nose down.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ from tests.oracles.hydraulics import Driveline, Engine, Oil
 
 GRAVITY = 9.81
 LAYOUT = {
-    "position": 0.1, "speed": 0.1, "pitch": 1e-2, "pitch_rate": 0.1, "wheel_rate": 0.1, "tire_bristle": 1e-2,
+    "position": 0.1, "speed": 0.1, "pitch": 1e-2, "pitch_rate": 0.1, "wheel_rate_front": 0.1, "wheel_rate_rear": 0.1,
+    "tire_bristle_front": 1e-2, "tire_bristle_rear": 1e-2,
     "brake_bristle_front": 1e-3, "brake_bristle_rear": 1e-3, "drive_forward": 1e6, "drive_return": 1e6,
     "line_front": 1e6, "line_rear": 1e6, "charge": 1e6, "drive_swash": 1.0, "fraction_front": 1.0, "fraction_rear": 1.0,
     "engine_speed": 10.0, "governor": 100.0, "engine_torque": 100.0,
@@ -54,6 +56,11 @@ class StraightDrive:
         self.pitch_inertia = float(bodies.angular_momentum(pose, turning, centre)[1])
         wheels = bodies.kinematics(pose, np.zeros(15)).wheel_center
         reach = wheels[0] - centre[0]
+        self.wheelbase = float(reach[:2].mean() - reach[2:].mean())
+        share = (
+            -float(reach[2:].mean()) / self.wheelbase
+        )  # of the load, on the front axle of the machine that stands level
+        self.level_loads = self.load * np.array([[share], [1.0 - share]])
         self.hub_below = float(centre[2] - wheels[2].mean())
         self.centre_above = float(centre[2] - pose[2])  # the hinge's origin
         self.pitch_stiffness, self.pitch_damping = (c * float(reach @ reach) for c in (tire.stiffness, tire.damping))
@@ -67,40 +74,44 @@ class StraightDrive:
             "wheel_line": np.stack([x["line_front"]] * 2 + [x["line_rear"]] * 2),
             "wheel_bristle": np.stack([x["brake_bristle_front"]] * 2 + [x["brake_bristle_rear"]] * 2),
         }
-        relative = x["wheel_rate"] - x["pitch_rate"]
-        motor, dry, bristle = self.line.wheel_torque(line, relative * FOUR, commands.get("parking_brake", 0.0))
+        rate = np.stack([x["wheel_rate_front"], x["wheel_rate_rear"]])
+        relative = np.repeat(rate - x["pitch_rate"], 2, axis=0)
+        motor, dry, bristle = self.line.wheel_torque(line, relative, commands.get("parking_brake", 0.0))
         oil, drawn, _ = self.line.rates(
             line,
             commands.get("drive_signal", 0.0),
             FOUR,
             int(commands.get("gear", 1)),
-            relative * FOUR,
+            relative,
             x["engine_speed"],
         )
         hub = x["speed"] - x["pitch_rate"] * self.hub_below
-        slip = tire.radius * x["wheel_rate"] - hub
+        spring = self.pitch_stiffness * x["pitch"] + self.pitch_damping * x["pitch_rate"]
+        load = self.level_loads + np.stack([spring, -spring]) / self.wheelbase
+        bent_by = np.stack([x["tire_bristle_front"], x["tire_bristle_rear"]])
+        slip = tire.radius * rate - hub
         ratio = slip / tire.stribeck_velocity
         grip = self.friction * (
             tire.friction_coulomb + (tire.friction_static - tire.friction_coulomb) * np.exp(-(ratio**2))
         )
-        bent = slip - tire.sigma0_longitudinal * np.abs(slip) / grip * x["tire_bristle"]
-        force = self.load * (
-            tire.sigma0_longitudinal * x["tire_bristle"]
-            + tire.sigma1_longitudinal * bent
-            + tire.sigma2_longitudinal * slip
+        bent = slip - tire.sigma0_longitudinal * np.abs(slip) / grip * bent_by
+        force = load * (
+            tire.sigma0_longitudinal * bent_by + tire.sigma1_longitudinal * bent + tire.sigma2_longitudinal * slip
         )
-        rolling = tire.rolling_resistance * self.load * tire.radius * np.tanh(x["wheel_rate"] / 0.05)
-        shaft = (motor + dry).sum(axis=0)
-        turning = (shaft - force * tire.radius - rolling) / (4.0 * m.wheel.inertia_spin)
-        moment = -self.hub_below * force - shaft
-        moment -= self.pitch_stiffness * x["pitch"] + self.pitch_damping * x["pitch_rate"]
+        rolling = tire.rolling_resistance * load * tire.radius * np.tanh(rate / 0.05)
+        shaft = (motor + dry).reshape(2, 2, -1).sum(axis=1)
+        turning = (shaft - force * tire.radius - rolling) / (2.0 * m.wheel.inertia_spin)
+        pull = force.sum(axis=0)
+        moment = -self.hub_below * pull - shaft.sum(axis=0) - spring
         out = {
             "position": x["speed"],
-            "speed": force / m.mass - GRAVITY * np.sin(self.slope),
+            "speed": pull / m.mass - GRAVITY * np.sin(self.slope),
             "pitch": x["pitch_rate"],
             "pitch_rate": moment / self.pitch_inertia,
-            "wheel_rate": turning,
-            "tire_bristle": bent,
+            "wheel_rate_front": turning[0],
+            "wheel_rate_rear": turning[1],
+            "tire_bristle_front": bent[0],
+            "tire_bristle_rear": bent[1],
             "brake_bristle_front": bristle[0],
             "brake_bristle_rear": bristle[2],
             "line_front": oil["wheel_line"][0],

@@ -61,14 +61,14 @@ def test_steps_are_those_of_the_calibration():
 
 
 def test_a_turn_is_that_of_the_calibration():
-    machine = Machine.load("aoro").set({"oil.bulk_modulus": [1.4e9, 1.5e9]})
+    machine = Machine.load("aoro_least_squares").set({"oil.bulk_modulus": [1.4e9, 1.5e9]})
     smooth, sampled, shape = turned(machine, LEVELS[0], "cpu")
     # chunks of other lengths: the same steps
     np.testing.assert_array_equal(smooth, population_figures(machine, LEVELS[:1])[0])
     assert shape.shape == (len(SHAPE), 2)
     # a time lies at most a sample before where it lies between samples, and a flow's peak hardly changes by then
     assert np.all(np.abs((sampled - smooth)[[0, 4]]) <= 0.02) and np.all(np.abs(sampled / smooth - 1.0)[1:4] < 0.01)
-    assert np.abs(single_misses(machine)[0, 0]) < 0.2, "the calibrated machine has the driving pressure"
+    assert np.abs(single_misses(machine)[0, 0]) < 0.2, "its calibration ends with the driving pressure"
 
 
 def test_rows_of_splits():

@@ -101,13 +101,15 @@ def test_torques_accelerate_mass_and_wheels() -> None:
     before = twin.output("speed")[0]
     twin.step({}, 1.0)
     acceleration = float(twin.output("speed")[0] - before)
-    weights = sum(float(twin.output(f"wheel_load_{wheel}")[0]) for wheel in ("fl", "fr", "rl", "rr"))
-    mass, radius = weights / 9.81, float(machine.tire.radius)
+    mass, radius = float(machine.mass), float(machine.tire.radius)
+    weights = 9.81 * mass
     bounds = [
-        (4.0 * torque / r - float(machine.tire.rolling_resistance) * weights) / (mass + 4.0 * 45.0 / r**2)
+        (4.0 * torque / r - float(machine.tire.rolling_resistance) * weights)
+        / (mass + 4.0 * float(machine.wheel.inertia_spin) / r**2)
         for r in (radius, 0.9 * radius)
     ]
-    assert bounds[0] <= acceleration <= bounds[1]
+    # frames that still swing make a second's gain of speed differ by 7e-4 from the next one's
+    assert (1.0 - 1e-3) * bounds[0] <= acceleration <= bounds[1]
 
 
 def test_reset_holds_the_machine_on_a_slope() -> None:

@@ -20,7 +20,7 @@ from tests.twin.test_against_reference import TURN, deviation, run_reference, ru
 KEPT = read_json(RESULTS)["members"]
 """Figures that the page docs/validation.md shows."""
 
-OTHERS = [name for name in MEMBERS if name not in ("aoro", "aoro_probable", "aoro_published_inputs")]
+OTHERS = [name for name in MEMBERS if name not in ("aoro", "aoro_least_squares", "aoro_published_inputs")]
 """Machines that the study of structures found."""
 
 
@@ -58,18 +58,15 @@ def test_every_figure_of_the_published_twin_is_met(result):
 
 
 def test_the_shape_is_met_but_for_three_of_its_figures(result):
-    """A second wave that comes too early, shallower than the first, and a driving port that swings too far."""
+    """A second wave that comes too late and is followed by the third too soon, and a driving port that swings too far."""
     missed = [figure["name"] for figure in result.shape if not figure["reached"]]
-    assert missed == ["third_maximum_time_s", "maxima_before_lowest_undershoot", "high_pressure_bar"]
+    assert missed == ["second_maximum_time_s", "third_maximum_time_s", "high_pressure_bar"]
 
 
-def test_times_pressures_rim_and_mass_are_met_but_right_turns_flow_too_fast(result):
-    missed = {
-        check["what"]: check["value"] / check["published"] - 1.0 for check in result.checks if not check["reached"]
-    }
+def test_times_pressures_right_turns_rim_and_mass_are_met_at_few_bounds(aoro, result):
     assert len(result.checks) == 9
-    known = {f"mean flow of the right turn, {level} % signal": miss for level, miss in ((75, 0.028), (50, 0.030))}
-    assert missed == pytest.approx(known, abs=5e-4)  # rounded to 0.1 %
+    assert [check["what"] for check in result.checks if not check["reached"]] == []
+    assert len(at_bounds("aoro", aoro)) <= 3
 
 
 def test_the_page_shows_the_figures_of_now(result):
@@ -94,13 +91,15 @@ def test_the_machine_of_published_inputs_holds_them_all_and_meets_every_figure()
     same_figures(figures_of_page(found), KEPT["aoro_published_inputs"])
 
 
-def test_the_most_probable_machine_meets_every_figure_and_right_turns_at_few_bounds():
-    machine = Machine.load("aoro_probable")
-    found = validate(machine, noise_runs=0)
+def test_the_machine_of_least_squares_meets_every_figure_but_turns_too_fast_to_the_right():
+    found = validate("aoro_least_squares", noise_runs=0)
     assert found.reached("twin") == (21, 21)
-    assert [check["what"] for check in found.checks if not check["reached"]] == []
-    assert len(at_bounds("aoro_probable", machine)) <= 3
-    same_figures(figures_of_page(found), KEPT["aoro_probable"])
+    missed = {
+        check["what"]: check["value"] / check["published"] - 1.0 for check in found.checks if not check["reached"]
+    }
+    known = {f"mean flow of the right turn, {level} % signal": miss for level, miss in ((75, 0.028), (50, 0.030))}
+    assert missed == pytest.approx(known, abs=5e-4)  # rounded to 0.1 %
+    same_figures(figures_of_page(found), KEPT["aoro_least_squares"])
 
 
 def test_published_values_are_those_of_the_publication(aoro):

@@ -52,8 +52,9 @@ def test_time_limits_are_no_ends_and_episodes_begin_anew():
     # the joint stands still again
     assert not torch.equal(made.observations, made.reached)
     rate = limited.envs.observation_layout["joint_rate"]
-    assert made.reached[:, rate].abs().min() > 1e-3
-    assert made.observations[:, rate].abs().max() < made.reached[:, rate].abs().min()
+    moving = made.reached[:, rate].abs() > 1e-3  # a signal in the dead band moves no joint
+    assert moving.sum() > COUNT // 2
+    assert made.observations[:, rate].abs().max() < made.reached[:, rate].abs()[moving].min()
     for values, width in ((made.observations, first.shape[1]), (made.rewards, 1)):
         assert (tuple(values.shape), values.dtype, values.device) == ((COUNT, width), torch.float32, limited.device)
     for flags in (made.terminated, made.truncated):

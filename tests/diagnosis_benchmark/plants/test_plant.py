@@ -155,7 +155,7 @@ def test_every_law_does_what_its_first_writing_did(level):
     to the method's own error of some thousandths: an emptied hose (level 2), and above level 0 pins that yield, which
     chatter where they stick, as the friction's slope of 7e5 N m s/rad on 2 kg m² is stiffer than the method bears."""
     first = np.load(Path(reference.__file__).with_suffix(".npz"))[f"level_{level}"]
-    machine = Machine.load("aoro")
+    machine = Machine.load("aoro_least_squares")  # of which the first writing was
     constants = with_effects(constants_of([machine.entries] * len(reference.START)), reference.magnitudes(), level)
     plant = Plant(constants, level, joint_angle=reference.START, substeps=4)
     out = simulate(plant, reference.commands(), keep_every=reference.EVERY, channels=reference.CHANNELS)

@@ -111,12 +111,13 @@ def test_a_series_spring_softens_the_oil(lossless):
 
 def test_a_slow_compensator_takes_the_damping_of_the_oil():
     """Load sensing answers a rising load late; a slow compensator lets that through as flow that rises with pressure."""
-    shipped = Machine.load("aoro")
     lag = {"steering.valve.compensator_time_constant": np.array([0.001, 0.01, 0.03])}
-    frequency, damping = oil_mode(Planar(shipped.set(lag), 1.0), np.radians(-20.0))
-    assert np.all(np.diff(damping) < 0.0)
-    assert damping[0] > 0.0 > damping[1]
-    assert np.all((frequency > 25.0) & (frequency < 50.0))
+    for name in ("aoro", "aoro_datasheet"):
+        frequency, damping = oil_mode(Planar(Machine.load(name).set(lag), 1.0), np.radians(-20.0))
+        assert np.all(np.diff(damping) < 0.0)
+        assert damping[1] < 0.0
+        assert np.all((frequency > 25.0) & (frequency < 50.0))
+    assert damping[0] > 0.0  # of the data sheet; the long supply line of `aoro` lets some of it through by itself
 
 
 def test_rest_is_an_equilibrium_on_level_ground_and_on_a_slope(machine):
