@@ -8,13 +8,13 @@ the ground 5 degrees of roll are 0.19 m.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.sensors.noise import (
     Drift,
@@ -195,7 +195,7 @@ class Gps:
         self._float_drift = Drift(self.noise.float_drift * scale, time=self.noise.float_drift_time, **drift)
         self.reset(np.arange(n), np.random.default_rng(0).spawn(n))
 
-    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Generators) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: fixed, and standing still."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors.chain import SAMPLE_RATE
 from aoro_gym.sensors.noise import (
     Drift,
@@ -114,7 +114,7 @@ class Imu:
         self._seeds: Seeds = arrays.zeros((self._axes + 2, num_twins), arrays.xp.int64)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Generators) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)

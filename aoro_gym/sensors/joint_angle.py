@@ -7,7 +7,6 @@ frequencies shows up as lines at low ones. After the published filter the lines 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_finite, check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.streams import Generators, uniforms
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample, sampling_rate
 from aoro_gym.sensors.noise import (
     Seeds,
@@ -81,13 +81,11 @@ class JointAngleNoise:
             resolution=2.0 * math.pi / 2**12,
         )
 
-    def draw(self, rngs: Sequence[np.random.Generator]) -> NoiseDraw:
+    def draw(self, rngs: Generators) -> NoiseDraw:
         """Frequencies, phases and a seed for one run of each generator."""
         low = np.array([line.low for line in self.lines])[:, None]
         high = np.array([line.high for line in self.lines])[:, None]
-        uniform = np.empty((2, len(self.lines), len(rngs)))
-        for index, rng in enumerate(rngs):
-            uniform[:, :, index] = rng.random((2, len(self.lines)))
+        uniform = np.ascontiguousarray(np.moveaxis(uniforms(rngs, 2, len(self.lines)), 0, -1))
         return NoiseDraw(low + (high - low) * uniform[0], 2.0 * np.pi * uniform[1], draw_seeds(rngs))
 
     def at(self, draw: NoiseDraw, time: Array, *, rate: float = SAMPLE_RATE) -> Array:
@@ -167,7 +165,7 @@ class JointAngleSensor:
         self._fresh = arrays.ones(num_twins, arrays.xp.bool)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Generators) -> None:
         """Begin a new run of some twins.
 
         Args:

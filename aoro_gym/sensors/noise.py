@@ -6,20 +6,23 @@ sample by sample, and a device shows what the host does, up to the rounding of l
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
+from aoro_gym.execution.streams import Generators, Streams
 
 Seeds = Array
 """int64 (N,), or (C, N) for C channels: 64 bits each. Signed, as torch calculates with no others."""
 
 
-def draw_seeds(rngs: Sequence[np.random.Generator]) -> NDArray[np.int64]:
+def draw_seeds(rngs: Generators) -> NDArray[np.int64]:
     """A seed for :func:`white` from each generator, shape (len(rngs),)."""
+    if isinstance(rngs, Streams):
+        return (rngs.raw() >> np.uint64(1)).astype(np.int64)
     return np.array([draw_seed(rng) for rng in rngs], dtype=np.int64)
 
 
@@ -138,7 +141,7 @@ def instants(time: Array, count: int, arrays: Arrays = HOST) -> Array:
     return arrays.xp.broadcast_to(arrays.asarray(time), (count,))
 
 
-def checked_generators(rngs: Sequence[np.random.Generator], count: int) -> None:
+def checked_generators(rngs: Generators, count: int) -> None:
     """ValueError unless there are ``count`` generators, one for each row."""
     if len(rngs) != count:
         raise ValueError(f"{len(rngs)} generators for {count} twins; give one each")

@@ -6,7 +6,6 @@ transmitter (engineering estimates).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
+from aoro_gym.execution.streams import Generators, normals
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.noise import (
     Seeds,
     checked_generators,
     chosen_rows,
     columns,
-    draw_seed,
+    draw_seeds,
     quantised,
     tick,
     white,
@@ -76,7 +76,7 @@ class PressureSensor:
         self._seeds: Seeds = arrays.zeros((*self._each, num_twins), arrays.xp.int64)
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Generators) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)
@@ -104,14 +104,11 @@ class PressureSensor:
         measured = self._sampled(values, zero[0], seeds[0], ticks[:, None])
         return ticks, measured[:, 0] if true.ndim == 1 else measured
 
-    def _drawn(
-        self, rngs: Sequence[np.random.Generator], count: int = 1
-    ) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    def _drawn(self, rngs: Generators, count: int = 1) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Zero errors [Pa] and seeds (count, K) of ``count`` sensors for each of the K generators."""
         zero, seeds = np.empty((count, len(rngs))), np.empty((count, len(rngs)), dtype=np.int64)
-        for column, rng in enumerate(rngs):
-            for row in range(count):
-                zero[row, column], seeds[row, column] = rng.standard_normal(), draw_seed(rng)
+        for row in range(count):
+            zero[row], seeds[row] = normals(rngs), draw_seeds(rngs)
         return zero * self.noise.zero_error, seeds
 
     def _sampled(self, value: Array, zero: Array, seeds: Seeds, time: Array) -> Array:

@@ -7,13 +7,13 @@ in the time that has passed, and after a while it is said to stand.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors.noise import (
     Seeds,
     channels,
@@ -76,7 +76,7 @@ class WheelSpeedSensor:
         self._shown = arrays.zeros(shape)  # [rad/s]
         self.reset(np.arange(num_twins), np.random.default_rng(0).spawn(num_twins))
 
-    def reset(self, indices: Index, rngs: Sequence[np.random.Generator]) -> None:
+    def reset(self, indices: Index, rngs: Generators) -> None:
         """Begin a new run of the twins ``indices`` (K,), with one generator each: the wheels stand."""
         rows, k = chosen_rows(indices, self.num_twins, self._arrays)
         checked_generators(rngs, k)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors import JointAngleNoise, JointAngleSensor
 from aoro_gym.sensors.joint_angle import slope_weights
 
@@ -32,7 +33,7 @@ class MeasuredJoint:
         self._weights = slope_weights(kept, interval)
         self._angles = arrays.zeros((kept, num_envs))  # newest first
 
-    def reset(self, rows: Index, generators: list[np.random.Generator]) -> None:
+    def reset(self, rows: Index, generators: Generators) -> None:
         """New runs of the sensors ``rows`` (K,), from one generator each."""
         self._sensor.reset(rows, generators)
 

@@ -14,12 +14,16 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from aoro_gym.envs.core.drawing import drawing
 from aoro_gym.envs.core.kernels.beginning import Drawn
 from aoro_gym.execution.array_api import Array
 from aoro_gym.execution.scatter import by_row
+from aoro_gym.execution.streams import Generators
 
 AT_ONCE = 64
-"""Episodes that are drawn together; that many of thousands may go without one that is ready."""
+"""Least number of episodes that are drawn together; that many of thousands may go without one that is ready."""
+MOST = 256
+"""Largest number of them, where more are missing."""
 SHARE = 8
 """At least so many batches make all of the sub-environments, where these are few."""
 
@@ -41,15 +45,15 @@ class NextEpisodes:
         self._ready_then = self.ready  # when the launches of the last step were
         self._batch = min(AT_ONCE, max(1, num_envs // SHARE))
         self._missed = 0  # episodes that began undrawn
-        self._before: list[Any] = [None] * num_envs  # see _state_of
+        self._drawing: Any = None  # see drawing()
         self._drawn_of: tuple[Any, ...] = ()
         self._memory: tuple[Any, ...] = ()  # what else is written at a start, see _drawn
         self._places: NDArray[np.int64] | None = None  # None: nothing is there on the device
         self._replaced = False  # whether what was drawn is for arrays that are used no more
         self._on_device: dict[str, Array] = {}  # see Drawn
 
-    def draw(self, env: Any) -> bool:
-        """Draw a batch of episodes, if so many are missing; gives whether it did.
+    def draw(self, env: Any) -> int:
+        """Draw a batch of episodes, if so many are missing; gives how many it drew.
 
         Args:
             env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`.
@@ -59,30 +63,30 @@ class NextEpisodes:
             missing &= ~env._machine_changed  # these get the machine of all back
         waiting, batch = np.flatnonzero(missing), self._batch
         if self.failed is not None or self._replaced or len(waiting) < batch:
-            return False
+            return 0
         if not self._drawn_of:
             self.renew(env)
-        rows = waiting[:batch]
-        before = [_state_of(env.generators[i]) for i in rows]
+        rows = waiting[: MOST if batch == AT_ONCE else batch]
+        self._drawing = drawing(env) if self._drawing is None else self._drawing
+        generators = self._drawing.take(rows)
         try:
-            places, bits = _drawn(env, rows, self._memory_of(env))
+            places, bits = _drawn(env, rows, generators, self._memory_of(env))
         except Exception as error:  # whatever it is: it is raised again where the episode begins
             self.failed = error
-            _restore(before)
-            return False
+            self._drawing.give_back(rows)
+            return 0
         if self._places is None:
             self._allocate(env, places)
         elif not np.array_equal(places, self._places):  # arrays were replaced
             self._replaced = True
-            _restore(before)
-            return False
+            self._drawing.give_back(rows)
+            return 0
+        self._drawing.drawn(rows, generators)
         index = env.arrays.uploaded(rows)
         self._on_device["bits"].index_copy_(0, index, env.arrays.uploaded(bits))
         self._on_device["ready"].index_fill_(0, index, True)
         self.ready[rows] = True
-        for i, each in zip(rows, before, strict=True):
-            self._before[i] = each
-        return True
+        return len(rows)
 
     def _memory_of(self, env: Any) -> tuple[Any, ...]:
         if not self._memory:
@@ -112,13 +116,13 @@ class NextEpisodes:
             env: See :meth:`draw`.
             step: Its :class:`~aoro_gym.envs.core.kernel_step.KernelStep`.
         """
-        began, count, missed = time.perf_counter(), 0, self._missed
+        began, count, episodes, missed = time.perf_counter(), 0, 0, self._missed
         self._missed = 0
-        while self.draw(env):
-            count += 1
+        while drawn := self.draw(env):
+            count, episodes = count + 1, episodes + drawn
             spent = time.perf_counter() - began
             fits = step.computing and spent * (count + 1) / count <= step.seconds
-            if not fits and count * self._batch >= missed:
+            if not fits and episodes >= missed:
                 return
 
     def launched(self, env: Any) -> None:
@@ -136,6 +140,7 @@ class NextEpisodes:
         drawn = self._ready_then[ended]
         begun = ended[drawn]
         self.ready[begun] = False
+        self._drawing.used(begun)
         if env.task.randomisation.varies_machine:
             env._machine_changed[begun] = True
         return ended[~drawn]
@@ -153,13 +158,17 @@ class NextEpisodes:
         self._missed += len(others)
         if len(rows):
             self._begin(env, rows)
+        self.forget(env, others)
         return others
 
     def forget(self, env: Any, where: NDArray[np.intp] | None = None) -> None:
         """Give back what was drawn for the sub-environments ``where``, all by default; not while a step begins it."""
-        known = np.flatnonzero(self.ready) if where is None else where[self.ready[where]]
+        rows = np.arange(len(self.ready)) if where is None else where
+        if self._drawing is not None:
+            self._drawing.give_back(rows)
+            self._drawing = self._drawing if where is not None else None  # generators may be others afterwards
+        known = rows[self.ready[rows]]
         if len(known):
-            _restore([self._before[i] for i in known])
             self.ready[known] = False
             self._on_device["ready"].index_fill_(0, env.arrays.uploaded(known), False)
 
@@ -169,6 +178,7 @@ class NextEpisodes:
         if len(self._drawn_of) != len(now) or any(a is not b for a, b in zip(self._drawn_of, now, strict=True)):
             self._replaced = self._places is not None  # other machines may be written
             self._drawn_of = now
+            self.forget(env)
         if self._replaced:
             self.forget(env)
             env._kernel_step.take_drawn(None, in_step=False)
@@ -180,16 +190,18 @@ class NextEpisodes:
             env._machine_changed[rows] = True
         env._rested_in_kernels(rows)
         self.ready[rows] = False
+        self._drawing.used(rows)
 
 
-def _drawn(env: Any, rows: NDArray[np.intp], memory: tuple[Any, ...]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """What episodes of the sub-environments ``rows`` (K,) begin with: places (3, M) and bits (K, M) of
-    :func:`aoro_gym.execution.scatter.by_row`.
+def _drawn(
+    env: Any, rows: NDArray[np.intp], generators: Generators, memory: tuple[Any, ...]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """What episodes of the sub-environments ``rows`` (K,) begin with, by their ``generators``: places (3, M) and bits (K, M)
+    of :func:`aoro_gym.execution.scatter.by_row`.
 
     ``memory`` are the twins' marks, poses, terrains and machines, which are written beside the task's.
     """
     task, twin, arrays, (*start_memory, machines) = env.task, env.twin, env.arrays, memory
-    generators = [env.generators[i] for i in rows]
     draws = task.randomisation.draw(generators)
     machine = draws.apply(twin.machine.variants(rows))
     with arrays.kept() as writes:
@@ -208,22 +220,3 @@ def _drawn(env: Any, rows: NDArray[np.intp], memory: tuple[Any, ...]) -> tuple[N
             arrays.put(machines, index, records.view(np.int32).reshape(len(rows), -1))
     tensors, indices, values = zip(*writes, strict=True)
     return by_row(tensors, indices, values, len(rows))
-
-
-def _state_of(generator: np.random.Generator) -> tuple[np.random.Generator, Any, int]:
-    """A generator with its state, and how many it has spawned, which is no part of that."""
-    bits = generator.bit_generator
-    return generator, bits.state, getattr(bits.seed_seq, "n_children_spawned", 0)
-
-
-def _restore(before: list[tuple[np.random.Generator, Any, int]]) -> None:
-    for generator, state, spawned in before:
-        bits: Any = generator.bit_generator
-        seeds = bits.seed_seq
-        if getattr(seeds, "n_children_spawned", 0) == spawned:
-            bits.state = state
-        else:  # what it spawns next is what it has spawned since
-            again = np.random.SeedSequence(
-                seeds.entropy, spawn_key=seeds.spawn_key, pool_size=seeds.pool_size, n_children_spawned=spawned
-            )
-            bits.__setstate__((state, again))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.envs.core.terms import Frozen
+from aoro_gym.execution.streams import Generators, uniforms
 from aoro_gym.machine import Machine
 from aoro_gym.machine.machine_file import PAYLOAD
 from aoro_gym.machine.parameters import DECLARATIONS
@@ -94,9 +95,9 @@ class Randomisation:
         """Uniform numbers that one reset of one sub-environment takes."""
         return len(self.BOUNDS) + len(self.machine) + len(self.machine_scale)
 
-    def draw(self, generators: Sequence[np.random.Generator]) -> Draws:
+    def draw(self, generators: Generators) -> Draws:
         """One draw for each generator."""
-        uniform = np.stack([generator.random(self.num_draws) for generator in generators])
+        uniform = uniforms(generators, self.num_draws)
         spans = [getattr(self, name) for name in self.BOUNDS]
         spans += [*self.machine.values(), *self.machine_scale.values()]
         low, high = np.array(spans, dtype=np.float64).T

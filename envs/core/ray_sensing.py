@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from aoro_gym.checks import check_range
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors.noise import draw_seeds
 
 if TYPE_CHECKING:
@@ -61,7 +62,7 @@ class RaySensing:
     def __getstate__(self) -> dict[str, Any]:
         return {**vars(self), "_made": {}}  # made anew on its device
 
-    def reset(self, rows: Index, ground: NDArray[Any], noise: Array, generators: Sequence[np.random.Generator]) -> None:
+    def reset(self, rows: Index, ground: NDArray[Any], noise: Array, generators: Generators) -> None:
         """Episodes of the sub-environments ``rows`` (K,) begin.
 
         Args:

@@ -48,7 +48,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, TypeVar
 
 import numpy as np
 from gymnasium import spaces
@@ -57,6 +57,7 @@ from numpy.typing import NDArray
 from aoro_gym.envs.core.randomisation import Draws, Randomisation
 from aoro_gym.envs.core.terms import ObservationTerm, RewardTerm
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index
+from aoro_gym.execution.streams import Generators, whole_numbers
 from aoro_gym.machine import Machine
 from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.world.world import World
@@ -71,6 +72,7 @@ from aoro_gym.twin.records import (
     row_of,
 )
 
+Drawing = TypeVar("Drawing", bound=Generators)
 Terrains = Plane | tuple[Terrain | World, ...]
 """What the twins stand on: one plane, or terrains and worlds to choose from."""
 _OBJECT_ROWS = {name: FIRST_OBJECT_OUTPUT + i for i, name in enumerate(OBJECT_OUTPUT_UNITS)}
@@ -135,7 +137,7 @@ def chosen(
     count: NDArray[np.intp] | int,
     where: NDArray[np.intp],
     num_envs: int,
-    generators: list[np.random.Generator],
+    generators: Generators,
 ) -> NDArray[np.intp]:
     """Which of ``count`` things (for all, or (K,) for each) the sub-environments ``where`` (K,) take: that of
     ``options[name]``, a whole number or (num_envs,), or drawn. Where there is but one, nothing is drawn.
@@ -152,8 +154,7 @@ def chosen(
     """
     counts = np.broadcast_to(count, where.shape)
     if options.get(name) is None:
-        drawn = [int(generator.integers(c)) if c > 1 else 0 for generator, c in zip(generators, counts, strict=True)]
-        return np.array(drawn, dtype=np.intp)
+        return whole_numbers(generators, counts)
     asked = np.asarray(options[name])
     if asked.shape not in ((), (num_envs,)) or not np.issubdtype(asked.dtype, np.integer):
         raise ValueError(f"options[{name!r}] is {options[name]!r}, but must be a whole number or ({num_envs},) of them")
@@ -208,8 +209,8 @@ def sensing(
     options: Mapping[str, Any],
     where: NDArray[np.intp],
     num_envs: int,
-    generators: list[np.random.Generator],
-) -> list[np.random.Generator]:
+    generators: Drawing,
+) -> Drawing | list[np.random.Generator]:
     """What draws the sensors' errors of the sub-environments ``where`` (K,): generators of the seeds
     ``options["sensor_seed"]`` (num_envs,), or the episodes' own ``generators`` (K,).
 
@@ -282,6 +283,8 @@ class Task(Protocol):
     """[s] between two output samples."""
     action_space: spaces.Box[Any]
     """Of one sub-environment."""
+    # ``draws_together``, which a task may have: whether ``start`` draws by :mod:`aoro_gym.execution.streams` alone, so that
+    # ``generators`` may be its Streams
     # ``crane``, which a task may have: the VehicleCrane of its twins
     reward_terms: Mapping[str, RewardTerm]
     observation_terms: Mapping[str, ObservationTerm]

@@ -180,7 +180,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             "autoreset_mode": self.autoreset_mode,
         }
 
-        self.generators: list[np.random.Generator | None] = [None] * self.num_envs
+        self._generators: list[np.random.Generator | None] = [None] * self.num_envs
         self.twin = Twin(
             self.num_envs,
             machine=machine,
@@ -316,6 +316,23 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             return observation, infos
         return self._handed_out(self._observation), infos
 
+    @property
+    def generators(self) -> list[np.random.Generator | None]:
+        """One a sub-environment (num_envs,), None before its first reset; as if no episode were drawn ahead. Ask for it anew
+        after steps, which draw for some time without telling them."""
+        self._forget_next()
+        return self._generators
+
+    @property
+    def np_random(self) -> np.random.Generator:
+        """That of the first sub-environment, likewise."""
+        self._forget_next(np.zeros(1, dtype=np.intp))
+        return super().np_random
+
+    @np_random.setter
+    def np_random(self, value: np.random.Generator) -> None:
+        self._np_random, self._np_random_seed = value, -1
+
     def _seed(self, seed: int | Sequence[int | None] | None, mask: NDArray[np.bool_]) -> None:
         if seed is None or isinstance(seed, int | np.integer):
             seeds = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
@@ -324,11 +341,11 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             if len(seeds) != self.num_envs:
                 raise ValueError(f"seed has {len(seeds)} entries, but must have num_envs = {self.num_envs}")
         for i in np.flatnonzero(mask):
-            if seeds[i] is not None or self.generators[i] is None:
-                self.generators[i], used = seeding.np_random(seeds[i])
+            if seeds[i] is not None or self._generators[i] is None:
+                self._generators[i], used = seeding.np_random(seeds[i])
                 if i == 0:
                     self._np_random_seed = used
-        self._np_random = self.generators[0]
+        self._np_random = self._generators[0]
 
     def _reset_mask(self, options: Mapping[str, Any]) -> NDArray[np.bool_]:
         known = (*BASE_OPTIONS, *self.task.option_names)
@@ -355,7 +372,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             where = self._next.begin(self, where)
             if not len(where):
                 return
-        generators = [generator for i in where if (generator := self.generators[i]) is not None]
+        generators = [generator for i in where if (generator := self._generators[i]) is not None]
         draws = self.task.randomisation.draw(generators)
         machine = self._machines(where, draws.apply(self.twin.machine.variants(where)), options)
         rows = self.arrays.index(where)
@@ -491,7 +508,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         """
         resetting = self._done.copy()
         if resetting.any():
-            fresh = any(generator is None for generator in self.generators)
+            fresh = any(generator is None for generator in self._generators)
             if fresh or self.autoreset_mode is not AutoresetMode.NEXT_STEP:
                 raise gymnasium.error.ResetNeeded(
                     f"sub-environment {int(np.argmax(self._done))} has no running episode; call reset() first, for some "

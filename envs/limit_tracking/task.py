@@ -12,6 +12,7 @@ from aoro_gym.envs.core.randomisation import Draws
 from aoro_gym.envs.core.task import Start
 from aoro_gym.envs.path_tracking.courses import drawn_by_difficulty
 from aoro_gym.envs.path_tracking.task import PathTracking
+from aoro_gym.execution.streams import Generators
 from aoro_gym.machine import Machine
 
 
@@ -21,7 +22,7 @@ class LimitTracking(PathTracking):
     def start(
         self,
         where: NDArray[np.intp],
-        generators: list[np.random.Generator],
+        generators: Generators,
         draws: Draws,
         machine: Machine,
         options: Mapping[str, Any],

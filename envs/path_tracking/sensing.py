@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from aoro_gym.envs.core.joint import MeasuredJoint
 from aoro_gym.envs.core.task import Outputs
 from aoro_gym.envs.path_tracking.config import PathTrackingConfig
 from aoro_gym.execution.array_api import Array, Arrays, Index, floats
+from aoro_gym.execution.streams import Generators
 from aoro_gym.sensors import (
     Gps,
     GpsReading,
@@ -69,7 +68,7 @@ class VehicleSensors:
         self._pressures = arrays.zeros((len(self._pressure_rows), n))
         self._pressure_sensor = PressureSensor(n, config.pressure_noise, count=len(self._pressure_rows), arrays=arrays)
 
-    def reset(self, rows: Index, generators: list[np.random.Generator], noise: Array) -> None:
+    def reset(self, rows: Index, generators: Generators, noise: Array) -> None:
         """New runs of the sensors ``rows`` (K,), from one generator each, with multiples (K,) of their noise."""
         for scale in (self._noise, self.joint.scale, self.gps.scale, self._imu.scale):
             self._arrays.put(scale, rows, noise)

@@ -36,6 +36,7 @@ from aoro_gym.envs.path_tracking.sensing import ALL, VehicleSensors, true_pose
 from aoro_gym.envs.path_tracking.starts import check_ground, starting_poses
 from aoro_gym.envs.path_tracking.view import PathTrackingView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
+from aoro_gym.execution.streams import Generators
 from aoro_gym.machine import Machine
 from aoro_gym.sensors.attitude import in_world, wrapped
 from aoro_gym.terrains import Path, Plane, Terrain
@@ -62,6 +63,7 @@ class PathTracking:
         *(f"arm_{wheel}" for wheel in WHEELS), *(f"wheel_{wheel}" for wheel in WHEELS), "reference_x", "reference_y",
         "cross_track", "measured_cross_track", "speed", "steering_signal", "drive_signal", "gear", "tipping_margin",
     )  # fmt: skip
+    draws_together: ClassVar[bool] = True
     render_span: ClassVar[float] = 90.0
 
     def __init__(self, courses: Sequence[Course], config: PathTrackingConfig | None = None):
@@ -148,7 +150,7 @@ class PathTracking:
     def start(
         self,
         where: NDArray[np.intp],
-        generators: list[np.random.Generator],
+        generators: Generators,
         draws: Draws,
         machine: Machine,
         options: Mapping[str, Any],
@@ -194,7 +196,7 @@ class PathTracking:
         options: Mapping[str, Any],
         course: NDArray[np.intp],
         where: NDArray[np.intp],
-        generators: list[np.random.Generator],
+        generators: Generators,
     ) -> NDArray[np.intp]:
         """Rows (K,) of the table: a path of the course, drawn or asked for, or one that the option brings along."""
         asked = options.get("path")

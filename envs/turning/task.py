@@ -26,6 +26,7 @@ from aoro_gym.envs.core.task import Outputs, Start, StepResult, Terrains, chosen
 from aoro_gym.envs.turning.config import TurningConfig
 from aoro_gym.envs.turning.view import TurningView
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats
+from aoro_gym.execution.streams import Generators, uniforms
 from aoro_gym.machine import Machine
 from aoro_gym.sensors import PressureSensor
 from aoro_gym.terrains import Plane
@@ -48,6 +49,7 @@ class Turning:
     render_channels: ClassVar[tuple[str, ...]] = (
         "time", "x", "y", "yaw", "joint_angle", "target", "steering_signal", "joint_flow", "settled", "missed",
     )  # fmt: skip
+    draws_together: ClassVar[bool] = True
     render_span: ClassVar[float] = 6.0
 
     def __init__(self, config: TurningConfig | None = None):
@@ -113,7 +115,7 @@ class Turning:
     def start(
         self,
         where: NDArray[np.intp],
-        generators: list[np.random.Generator],
+        generators: Generators,
         draws: Draws,
         machine: Machine,
         options: Mapping[str, Any],
@@ -126,7 +128,7 @@ class Turning:
                 f"target_change is {config.target_change:.3f} rad, but targets span only ±{reach.min():.3f} rad; lower "
                 "it, or target_clearance"
             )
-        uniform = np.stack([generator.random((2, TARGETS_DRAWN)) for generator in generators])
+        uniform = uniforms(generators, 2, TARGETS_DRAWN)
         angle = draws.joint_angle * reach
         angle = given(options, "joint_angle", where, len(self._target), angle, -limit, limit, "rad")
 
@@ -187,7 +189,7 @@ class Turning:
         return Start(angle, heading, middle, terrain)
 
     def _standpoint(
-        self, where: NDArray[np.intp], generators: list[np.random.Generator], options: Mapping[str, Any]
+        self, where: NDArray[np.intp], generators: Generators, options: Mapping[str, Any]
     ) -> tuple[NDArray[np.float64], NDArray[np.intp] | None]:
         """Where in the plan (K, 2), and on which terrain (K,): the middle of the one that was asked for or drawn."""
         middle, terrain = np.zeros((len(where), 2)), None

@@ -12,6 +12,7 @@ import pytest
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core import vector
+from aoro_gym.envs.core.drawing import OneByOne, Together
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.courses import obstacle_course
@@ -236,6 +237,22 @@ def test_array_operations_go_on_from_the_same_draws():
     ahead._kernels = False
     ahead._in_kernels()
     assert [generator.bit_generator.state for generator in ahead.generators] == states
+
+
+@pytest.mark.parametrize("name", [TURNING, PATH_TRACKING])
+def test_who_draws_between_steps_draws_what_comes_next(name, begun):
+    """By the first sub-environment's generator, and by another kind of generator in the place of one."""
+    ahead, plain = pair(name)
+    steps_agree(ahead, plain, 2)
+    assert ahead._next.ready.any() and isinstance(ahead._next._drawing, Together)
+    assert ahead.np_random.random() == plain.np_random.random()
+    steps_agree(ahead, plain, 4)
+    for env in (ahead, plain):
+        env.generators[3] = np.random.Generator(np.random.MT19937(5))
+    steps_agree(ahead, plain, 8)
+    assert isinstance(ahead._next._drawing, OneByOne)
+    assert ahead.generators[3].random() == plain.generators[3].random()
+    assert begun
 
 
 def test_an_error_is_raised_where_the_episode_begins(monkeypatch):
