@@ -53,7 +53,9 @@ class TrainingPlan:
     path_crs: str | None = option(None, "CRS", PATH_CRS_HELP)
     path_length: float = option(60.0, "M", "Of the paths that are generated on --terrain.")
     observe: list[str] | None = option(
-        None, "TERM", "Observe what is not observed by default, too: obstacle_map of ForestRun-v0, or lidar. Repeatable."
+        None,
+        "TERM",
+        "Observe what is not observed by default, too: obstacle_map of ForestRun-v0, or lidar. Repeatable.",
     )
     soil: str | None = option(
         None, "NAME[:WATER]", "Soft ground everywhere, such as peat, see 'aoro-gym evaluate'. Default: hard."
