@@ -7,10 +7,9 @@ of other families still. Half of every batch are twins, half plants: a share of 
 the network may see, of the others every family as often as another.
 
 On a GPU the plants come first: ``--plants-only`` simulates them and stops; families whose file is there are not simulated
-again, so that it goes on where it was stopped. Twins and training come with the same command without it. Expected of an H200
-with 16 cores, not measured yet: 4 to 8 minutes for 71,000 cases of 10 families and 36 mixtures (12 workers of 6 GiB of the
-GPU and 5 GB of memory each, 3.5 GB of files), then 10 minutes for 40,960 twins and three times 145 s of training (10 GB and
-the network's).
+again, so that it goes on where it was stopped. Twins and training come with the same command without it. Measured on two
+H200 of one host that other trainings shared, half of the plants on each: 329 s for 12 families and 36 mixtures (20 workers),
+then 130 s for 40,960 twins and 150 s of training a network.
 ``--only 0 2`` trains these networks alone, so that a second GPU trains the other one into the same folder.
 ``--cases 0.01 --machines 24 --held-out 8 --mixtures 1 --batch 16 --seconds 5 --device cpu`` tries all that out.
 """
