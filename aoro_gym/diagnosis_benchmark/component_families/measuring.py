@@ -20,11 +20,12 @@ ORDERS = {
     "hazel": ((1.0, 0.5), (3.985, 1.0), (6.0, 0.4)),
     "maple": ((0.5, 0.5), (2.0, 0.6), (3.0, 0.8)),
     "oak": ((1.5, 0.4), (2.0, 0.9), (5.0, 0.5)),
+    "larch": ((1.0, 0.3), (3.0, 1.0), (4.0, 0.4)),
 }
 """Engine orders on the joint angle by the family of its sensor, and their share of :data:`WAVE`."""
 WAVE = 3e-4
 """Amplitude of an engine order on the joint angle [rad] (E)."""
-SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052, "maple": 0.1, "oak": 0.02}
+SPEED_STEP = {"elm": 0.013, "fir": 0.026, "hazel": 0.052, "maple": 0.1, "oak": 0.02, "larch": 0.0065}
 """Resolution of the engine's speed [rad/s] by the family of the chain."""
 SCAN = (2, 3, 4, 5, 0, 1, 6)
 """How many channels a multiplexer samples after each of joint angle, pressures a, b, pump, drive and engine speed."""
@@ -98,6 +99,20 @@ def rounded(values: Floats, cycle: float) -> Floats:
     return np.interp(np.floor(times / cycle + 0.5) * cycle, times, values)
 
 
+def queued(values: Floats, wait: float) -> Floats:
+    """Values (K,) out of a queue whose waits lie evenly between a half and one and a half of ``wait`` [s]: their mean."""
+    return averaged(delayed(values, 0.5 * wait), wait)
+
+
+def cycled(values: Floats, cycle: float, lag: float) -> Floats:
+    """Values (K,) of an exponential filter that a control unit computes every ``cycle`` [s], held between; ``lag`` [s]."""
+    times = np.arange(len(values)) * GRID
+    taken = np.interp(np.arange(math.floor(times[-1] / cycle + 1e-9) + 1) * cycle, times, values)
+    pole = math.exp(-cycle / lag)
+    smooth = lfilter([1.0 - pole], [1.0, -pole], taken - taken[0]) + taken[0]
+    return smooth[np.floor(times / cycle + 1e-9).astype(int)]
+
+
 def held(values: Floats, period: float) -> Floats:
     """Values (K,) sampled every ``period`` [s] and held."""
     times = np.arange(len(values)) * GRID
@@ -124,6 +139,8 @@ def command(family: str, values: Floats, m: Made) -> Floats:
         return lagged(lagged(lagged(values, m["remote_lag"]), m["remote_lag"]), m["remote_lag"])
     if family == "oak":
         return bessel(values, m["input_lag"])
+    if family == "larch":
+        return cycled(values, m["filter_cycle"], m["filter_lag"])
     return values
 
 
@@ -140,6 +157,9 @@ def _angle(family: str, angle: Floats, m: Made) -> Floats:
     if family == "oak":
         bent = m["angle_gain"] * np.arctan2((1.0 + m["imbalance"]) * np.sin(angle), np.cos(angle))
         return rounded(delayed(bessel(bent, m["angle_lag"]), m["angle_delay"]), m["stamp_cycle"])
+    if family == "larch":
+        bent = m["angle_gain"] * np.arcsin(np.clip((1.0 + m["linkage"]) * np.sin(angle), -1.0, 1.0))
+        return queued(lagged(lagged(bent, m["damper_lag"]), m["damper_lag"]), m["queue_time"])
     bent = m["angle_gain"] * angle + m["eccentricity"] * np.sin(angle)
     return updated(averaged(bent, m["angle_window"]), m["update_period"])
 
@@ -154,6 +174,8 @@ def _chain(family: str, values: Floats, m: Made, place: int) -> Floats:
         return delayed(lagged(values, m["chain_lag"]), SCAN[place] * m["dwell"])
     if family == "oak":
         return decimated(values, m["decimation"])
+    if family == "larch":
+        return updated(values, m["resample_period"])
     return lagged(values, m["chain_lag"])
 
 

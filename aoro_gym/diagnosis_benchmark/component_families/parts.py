@@ -19,7 +19,7 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 
 from .vehicle import STILL, Made, geometry
 
-FAMILIES = ("elm", "fir", "hazel", "maple", "oak")
+FAMILIES = ("elm", "fir", "hazel", "maple", "oak", "larch")
 MIXED = "mixed"
 """Begins the names of mixtures."""
 
@@ -34,7 +34,7 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
         "tires": (
             "brake_torque motor_viscosity soil_modulus cone_number shear_displacement ground_friction patch_radius "
             "inflation scrub_limit shear relaxation_length twist_stiffness twist_base tire_damping bearing adhesion "
-            "tread_width carcass churning soil_stress bore_radius stiff_along stiff_across"
+            "tread_width carcass churning soil_stress bore_radius stiff_along stiff_across cone_index disc_radius sidewall"
         ),
         "hinge": "hinge_torque",
         "seals": "seal_force seal_ratio stribeck_speed seal_viscosity",
@@ -52,19 +52,21 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
             "return_loss return_inertance gas_time line_bore spring_stiffness compensator_spring notch_left notch_right "
             "slot_left slot_right check_drop torque_limit swash_lag swash_friction relief_band relief_lag return_length "
             "return_gas hose_relaxed wall_fast wall_slow coil_radius piston_gap play_width discharge "
-            "compensator_frequency"
+            "compensator_frequency spring_travel stroke_down control_band control_time power_end cooler_bore "
+            "critical_pressure hose_rubber port_gap spool_acceleration bouc_width curve_scale"
         ),
         "command": (
             "command_gain command_delay bus_cycle bus_delay driver_window driver_delay remote_lag remote_delay "
-            "input_lag input_delay"
+            "input_lag input_delay filter_cycle filter_lag"
         ),
         "angle": (
             "angle_gain angle_offset angle_delay angle_lag sample_hold loading update_period angle_window eccentricity "
-            "angle_noise angle_step bus_queue poll_period angle_ladder rail_error stamp_cycle imbalance"
+            "angle_noise angle_step bus_queue poll_period angle_ladder rail_error stamp_cycle imbalance "
+            "queue_time damper_lag linkage"
         ),
         "chain": (
             "chain_window chain_delay chain_lag pressure_offset_a pressure_offset_b pressure_offset_pump pressure_noise "
-            "dwell decimation"
+            "dwell decimation resample_period"
         ),
     }.items()
 }

@@ -93,6 +93,8 @@ def test_strong_deviations_show_in_the_logs() -> None:
         "mixed_hazel_maple_0002",
         "mixed_elm_oak_0001",
         "mixed_maple_oak_0003",
+        "mixed_elm_larch_0001",
+        "mixed_hazel_larch_0000",
     ],
 )
 def test_effects_and_deviations_on_drawn_mixtures_leave_finite_logs(name: str) -> None:

@@ -22,6 +22,7 @@ RAMP = np.arange(2000) * measuring.GRID
         (lambda v, lag: measuring.ladder(v, lag / 3), 0.024),
         (measuring.bessel, 0.017),
         (lambda v, lag: measuring.decimated(v, 2 * lag), 0.0143),
+        (measuring.queued, 0.0171),
     ],
 )
 def test_a_ramp_comes_late_by_the_lag(law, lag: float) -> None:
@@ -52,6 +53,7 @@ def test_times_are_rounded_to_the_next_cycle_either_way() -> None:
         measuring.bessel,
         measuring.decimated,
         measuring.rounded,
+        measuring.queued,
     ],
 )
 def test_what_stands_still_passes(law) -> None:
@@ -76,7 +78,7 @@ def test_a_logged_ramp_is_late_by_the_lags_of_sensor_and_chain(family: str) -> N
     assert late == pytest.approx(0.05 * (chain + sensor), abs=0.05 * 1.5e-3)  # a hold ends on the grid of 1 ms
 
 
-@pytest.mark.parametrize("family", ["fir", "hazel", "maple", "oak", *MIXTURES[:2]])
+@pytest.mark.parametrize("family", ["fir", "hazel", "maple", "oak", "larch", *MIXTURES[:2]])
 def test_a_command_is_late_by_bus_or_driver(family: str) -> None:
     machine = component.apply("command_delay", family, component.nominal(family), 0.02)
     made = component.GROUP.family_of(family).derived(machine)
