@@ -4,6 +4,8 @@ import warp as wp
 
 from aoro_gym.diagnosis_benchmark.independent.laws.numbers import ONE, TWO, ZERO, f64, unit
 
+from .places import vec2d, vec4d
+
 
 @wp.func
 def passage(drop: wp.float64, quadratic: wp.float64, linear: wp.float64):
@@ -49,3 +51,15 @@ def coulomb(speed: wp.float64, scale: wp.float64):
 def relief(pressure: wp.float64, setting: wp.float64, slope: wp.float64):
     """Flow [m³/s] of a direct-acting relief valve: linear above its setting (Merritt, Hydraulic Control Systems, 1967)."""
     return slope * wp.max(pressure - setting, ZERO)
+
+
+@wp.func
+def into_ports(spool: wp.float64, f: vec4d, valves_a: wp.float64, valves_b: wp.float64, leak: wp.float64):
+    """Flows [m³/s] into A and into B: f[0] into one and f[1] out of the other, as the spool stands, what the port's
+    own valves let in, and less and plus what leaks from A to B."""
+    into_a = f[0]
+    into_b = -f[1]
+    if spool <= ZERO:
+        into_a = -f[1]
+        into_b = f[0]
+    return vec2d(into_a + valves_a - leak, into_b + valves_b + leak)

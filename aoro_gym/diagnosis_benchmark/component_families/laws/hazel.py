@@ -9,7 +9,7 @@ from aoro_gym.diagnosis_benchmark.independent.laws import layout as at
 from aoro_gym.diagnosis_benchmark.independent.laws.numbers import HALF, ONE, TWO, ZERO, f64, unit
 
 from . import assembly
-from .common import bounded, coulomb, passage, relief
+from .common import bounded, coulomb, into_ports, passage, relief
 from .disturbances import accumulator, other_flow, pinch, pulsation
 from .places import (
     ATMOSPHERE,
@@ -224,13 +224,7 @@ def port(pressure: wp.float64, m: Any):
 @wp.func
 def into_sides(x: Any, m: Any, inputs: Any, f: vec4d):
     """Flows [m³/s] into A and into B."""
-    into_a = f[0]
-    into_b = -f[1]
-    if x[SPOOL] <= ZERO:
-        into_a = -f[1]
-        into_b = f[0]
-    leak = leaks(x, m, inputs)
-    return vec2d(into_a + port(x[SIDE_A], m) - leak, into_b + port(x[SIDE_B], m) + leak)
+    return into_ports(x[SPOOL], f, port(x[SIDE_A], m), port(x[SIDE_B], m), leaks(x, m, inputs))
 
 
 @wp.func
