@@ -104,6 +104,11 @@ class TrainingPlan:
                 f"algo is {self.algo!r}, but the trainer {self.trainer!r} has {', '.join(TRAINERS[self.trainer])} only; "
                 "give that, or another --trainer"
             )
+        if self.observe is not None:
+            from aoro_gym.envs.core.offered_terms import FURTHER, OFFERED
+
+            for name in self.observe:
+                check_choice("observe", name, FURTHER if self.env == "AORO/ForestRun-v0" else OFFERED)
         for name, least in (
             ("seed", 0), ("steps", 1), ("n_envs", 1), ("forests", 1), ("checkpoint_every", 1), ("eval_episodes", 1),
         ):  # fmt: skip

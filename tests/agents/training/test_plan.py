@@ -45,6 +45,11 @@ def test_every_field_has_a_help_text():
         ({"algo": "dqn"}, "algo is 'dqn'; choose one of: ppo, sac"),
         ({"steps": 0}, "steps is 0, but must be a positive integer"),
         ({"seed": -1}, "seed is -1, but must be an integer of at least 0"),
+        ({"observe": ["obstacle_map"]}, "observe is 'obstacle_map'; choose one of: lidar, height_map, depth, camera$"),
+        (
+            {"env": "AORO/ForestRun-v0", "observe": ["lidar", "map"]},
+            "observe is 'map'; choose one of: lidar, height_map, depth, camera, obstacle_map$",
+        ),
         ({"trainer": "rllib"}, "trainer is 'rllib'; choose one of: sb3, resident"),
         ({"trainer": "resident", "algo": "sac"}, "algo is 'sac', but the trainer 'resident' has ppo only; give that"),
     ],
