@@ -6,7 +6,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aoro_gym.agents.training.curriculum import curriculum, stage_at
+from aoro_gym.agents.training.curriculum import SPREADS, curriculum, stage_at
+from aoro_gym.agents.training.plan import HYPERPARAMS
+from aoro_gym.agents.training.recipe import entry_of
 from aoro_gym.envs.path_tracking.config import MILD as TRACKING_MILD
 from aoro_gym.envs.path_tracking.rewards import REWARD_TERMS as TRACKING_TERMS
 from aoro_gym.envs.turning.config import FIXED, MILD
@@ -75,6 +77,19 @@ def test_flow_beyond_the_full_one_can_cost():
     # of 1.2e-3 m3/s, either side
     view = SimpleNamespace(flows=np.array([[1.8e-3, -1.8e-3, 1.2e-3, 0.0]]), xp=np)
     np.testing.assert_allclose(term.weight * term.function(view), [-1.0, -1.0, 0.0, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["fixed", "mild"])
+@pytest.mark.parametrize("env", SPREADS)
+def test_a_packaged_curriculum_is_one_spread_from_the_beginning(env, name):
+    pytest.importorskip("yaml")
+    (stage,) = curriculum(env, entry_of(HYPERPARAMS / f"{name}.yml", env))
+    spread = SPREADS[env][name]
+    assert (stage.start, stage.reward_terms) == (0.0, {})
+    assert (stage.randomisation.machine_scale, stage.randomisation.sensor_noise) == (
+        spread.machine_scale,
+        spread.sensor_noise,
+    )
 
 
 @pytest.mark.parametrize(
