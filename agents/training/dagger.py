@@ -149,7 +149,6 @@ class Dagger:
     def _gather(self, rollout: int, callback: ProgressCallback) -> None:
         """Drive for so many control steps, and keep what was seen and what the teacher would have done."""
         led, space = self._mean is not None, self.envs.single_action_space
-        policy = self.policy() if led else None
         seen, done = [], []
         observations = self._last_observations
         assert observations is not None
@@ -157,7 +156,7 @@ class Dagger:
             wanted = self._teacher(exact_observations(self.envs, observations, self._exact)).astype(np.float32)
             seen.append(observations.copy())
             done.append(wanted)
-            actions = wanted if policy is None else policy(observations)
+            actions = self._led_by_network(observations) if led else wanted
             noise = self._asked.action_noise * torch.randn(actions.shape).numpy() if led else 0.0
             observations, _, dones, infos = self._env.step(np.clip(actions + noise, space.low, space.high))
             if dones.any():
@@ -176,12 +175,25 @@ class Dagger:
             variance = self._observations.var(axis=0, dtype=np.float64)
             self._variance = np.maximum(variance, least_deviations(self.envs) ** 2)
 
+    @torch.no_grad()
+    def _led_by_network(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
+        """What :meth:`policy` does (N, A) at ``observations`` (N, O), calculated on the device."""
+        space: Any = self.envs.single_action_space
+        return np.clip(self._net(self._normalised(observations)).numpy(force=True), space.low, space.high)
+
+    def _normalised(self, observations: NDArray[np.float32]) -> torch.Tensor:
+        """What the network takes (N, O) of ``observations`` (N, O), on the device."""
+        assert self._mean is not None
+        scales = self._mean, np.sqrt(self._variance + EPSILON)
+        mean, deviation = (torch.from_numpy(values).to(self._device) for values in scales)
+        wide = torch.from_numpy(observations).to(self._device).double()  # as a policy's file calculates it
+        return wide.sub_(mean).div_(deviation).clip_(-CLIP, CLIP).float()
+
     def _fit(self, learning_rate: float) -> None:
         """Least absolute deviations from the teacher's actions, by Adam."""
-        asked, normalise = self._asked, self._normalisation()
-        seen = self._observations  # in parts: all at once in float64 they would take several times their memory
-        parts = [seen[first : first + PART] for first in range(0, len(seen), PART)]
-        inputs = torch.cat([torch.from_numpy(normalise(part)).to(self._device) for part in parts])
+        asked, seen = self._asked, self._observations
+        # in parts: all at once in float64 they would take several times their memory
+        inputs = torch.cat([self._normalised(seen[first : first + PART]) for first in range(0, len(seen), PART)])
         wanted = torch.from_numpy(self._actions).to(self._device)
         size = min(int(asked.batch_size), len(inputs))
         batches = len(inputs) // size * int(asked.n_epochs)

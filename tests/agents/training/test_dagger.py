@@ -74,6 +74,21 @@ def test_what_is_seldom_does_not_pull_the_signal_into_the_dead_band():
     learner.close()
 
 
+def test_what_leads_while_the_network_learns_is_the_policy_that_is_handed_out():
+    """Beyond the ranges that observations and actions are clipped to, too."""
+    learner, rng = dagger(net_arch=[8]), np.random.default_rng(4)
+    columns = learner.envs.single_observation_space.shape[0]
+    learner._mean, learner._variance = rng.standard_normal(columns), rng.uniform(0.0, 2.0, columns)
+    learner._variance[0] = 0.0  # what never varied
+    seen = rng.normal(scale=30.0, size=(500, columns)).astype(np.float32)
+    last: Any = learner._net[-1]
+    last.weight.data.mul_(10.0)
+    led = learner._led_by_network(seen)
+    assert 0.1 < np.mean(np.abs(led) == 1.0) < 0.9
+    np.testing.assert_allclose(led, learner.policy()(seen), rtol=0.0, atol=1e-5)  # float32, summed in another order
+    learner.close()
+
+
 @pytest.mark.parametrize("env", [TURNING, TRACKING])
 def test_the_teacher_is_told_the_truth_and_drives_first(env, monkeypatch):
     learner, told, drawn = dagger(env), [], []
