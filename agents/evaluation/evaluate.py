@@ -165,7 +165,7 @@ def evaluate(
         *inputs.soft(soil).values(),
         *localised(env, localisation).values(),
     )
-    drivers = [Driver(partial(make, device=name), drive, machine, drawn) for name in names]
+    drivers = [Driver(partial(make, device=name), drive, machine, task.drawing(drawn)) for name in names]
     todo = (policies, seed + np.arange(episodes * repeats), cache, progress)
     runs = (
         drive_locally(drivers, *todo) if ray is None else drive_on_cluster(drivers[0], *todo, ray=ray, device=names[0])

@@ -34,7 +34,7 @@ SWITCHABLE: Mapping[str, MachineEffect] = {
 TRIES = 100
 """Draws of a machine before it counts as impossible to vary."""
 
-_PARAMETERS, _EFFECT, _LAWS = 1, 2, 3  # streams of a seed
+_PARAMETERS, _EFFECT, _LAWS, _FURTHER = 1, 2, 3, 4  # streams of a seed
 
 
 def unperturbed(machine: Machine, seeds: Sequence[int]) -> Machine:
@@ -91,6 +91,34 @@ def with_effect(machine: Machine, seeds: Sequence[int]) -> Machine:
     for name, size in sizes.items():
         if np.any(size != np.array(SWITCHABLE[name].none)[:, None]):
             found = SWITCHABLE[name].apply(found, *size)
+    return found
+
+
+def fitting(
+    machine: Machine, seeds: Sequence[int], *, perturb: Perturbation, fits: Callable[[Machine], object]
+) -> Machine:
+    """As ``perturb`` draws them, but machines that do not fit are drawn by further seeds, which follow from their own.
+
+    Args:
+        machine: One machine.
+        seeds: One a machine.
+        perturb: What differs.
+        fits: Raises ValueError for a machine that cannot be.
+
+    Raises ValueError as ``perturb`` does, or as ``fits`` does if no draw fits.
+    """
+    found = perturb(machine, seeds)
+    if _can_be(lambda: fits(found)):
+        return found
+    chosen = list(seeds)
+    for index, seed in enumerate(seeds):
+        further = np.random.SeedSequence([seed, _FURTHER]).generate_state(TRIES).tolist()
+        for other in further:
+            if _can_be(lambda one=chosen[index]: fits(perturb(machine, [one]))):
+                break
+            chosen[index] = other
+    found = perturb(machine, chosen)
+    fits(found)
     return found
 
 
@@ -153,7 +181,7 @@ def magnitude_at(magnitude: Magnitude, severity: float) -> float:
     return float(magnitude.none + share * (end - magnitude.none))
 
 
-def _can_be(make: Callable[[], Machine]) -> bool:
+def _can_be(make: Callable[[], object]) -> bool:
     try:
         make()
     except ValueError:

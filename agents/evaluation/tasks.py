@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from aoro_gym.agents.evaluation.drives import STATION
@@ -12,6 +13,7 @@ from aoro_gym.agents.evaluation.forest_run import make_forest_run, run_forests
 from aoro_gym.agents.evaluation.levelling import level_lanes, make_levelling
 from aoro_gym.agents.evaluation.loading import EVERY, load_logs, make_loading
 from aoro_gym.agents.evaluation.path_tracking import drive_limits, drive_paths, make_limit_tracking, make_tracking
+from aoro_gym.agents.evaluation.perturbations import Perturbation, fitting
 from aoro_gym.agents.evaluation.turning import make_turning, turn_joints
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs.forest_run.task import ForestRun
@@ -19,6 +21,8 @@ from aoro_gym.envs.levelling.task import Levelling
 from aoro_gym.envs.loading.task import Loading
 from aoro_gym.envs.path_tracking.task import PathTracking
 from aoro_gym.envs.turning.task import Turning
+from aoro_gym.machine import Machine
+from aoro_gym.machine.vehicle_crane import VehicleCrane
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,12 @@ class EvaluationTask:
     """Metrics that policies are compared by, after their success; less is better, but for the speed."""
     channels: tuple[str, ...]
     """Of ``Episodes.film``."""
+    fits: Callable[[Machine], None] | None = None
+    """Raises ValueError for a machine that it cannot be driven with, where machines are drawn; None: any will do."""
+
+    def drawing(self, perturb: Perturbation) -> Perturbation:
+        """As ``perturb``, of machines that fit."""
+        return perturb if self.fits is None else partial(fitting, perturb=perturb, fits=self.fits)
 
 
 TASKS: Mapping[str, EvaluationTask] = {
@@ -95,6 +105,7 @@ TASKS: Mapping[str, EvaluationTask] = {
         "way that is left [m]",
         ("sway_rms_deg", "energy_kJ", "duration_s"),
         Loading.render_channels,
+        VehicleCrane().check_fits,
     ),
 }
 """What can be evaluated, by the environment's id."""

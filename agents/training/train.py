@@ -37,6 +37,7 @@ import numpy as np
 
 from aoro_gym.agents.evaluation.evaluate import evaluate, inputs, localised
 from aoro_gym.agents.evaluation.perturbations import drawn_machines
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import callbacks
 from aoro_gym.agents.training.callbacks import Progress, ProgressCallback, StepCounter
@@ -217,7 +218,8 @@ def _policy(plan: TrainingPlan, learner: Learner, machine: Machine, steps: int) 
 def _training_machines(plan: TrainingPlan, machine: Machine, count: int) -> Machine:
     """What ``count`` sub-environments learn on: the machine, or one each that differs from it as the plan says."""
     first = DRAWN_SEED * (1 + plan.seed)
-    return drawn_machines(plan.laws, plan.perturbation)(machine, range(first, first + count))
+    drawn = TASKS[plan.env].drawing(drawn_machines(plan.laws, plan.perturbation))
+    return drawn(machine, range(first, first + count))
 
 
 def _evaluated(

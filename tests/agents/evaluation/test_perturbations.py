@@ -11,9 +11,11 @@ from aoro_gym.agents.evaluation.perturbations import (
     unperturbed,
     with_effect,
 )
+from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.effects.catalogue import EFFECTS
 from aoro_gym.machine import Machine
 from aoro_gym.machine.laws import FAMILIES, family
+from aoro_gym.machine.vehicle_crane import VehicleCrane
 
 MACHINE = Machine.load("aoro")
 SEEDS = [7, 8, 9, 10]
@@ -96,3 +98,32 @@ def test_one_family_is_no_draw_and_unknown_names_are_named():
         drawn_machines(None, "odd")
     with pytest.raises(ValueError, match="no family of laws 'libary'"):
         drawn_machines("libary")
+
+
+def test_a_machine_that_cannot_carry_a_crane_is_drawn_again_and_the_others_stay():
+    """Of whom the front frame's masses leave no moment of inertia beside the folded crane's."""
+    fits, drawing = VehicleCrane().check_fits, TASKS["AORO/Loading-v0"].drawing(perturbed)
+    unfit = [seed for seed in range(30) if not can_carry_a_crane(perturbed(MACHINE, [seed]))]
+    assert 0 < len(unfit) <= 27  # some fit, others do not
+    seeds = [unfit[0], *(seed for seed in range(30) if seed not in unfit)][:4]
+    before, drawn = values_of(perturbed(MACHINE, seeds)), drawing(MACHINE, seeds)
+    fits(drawn)
+    stays = [all(before[key][k] == values[k] for key, values in values_of(drawn).items()) for k in range(4)]
+    assert stays == [False, True, True, True]
+    alone = values_of(drawing(MACHINE, seeds[:1]))
+    assert all(values[0] == values_of(drawn)[key][0] for key, values in alone.items())
+    assert TASKS["AORO/Turning-v0"].drawing(perturbed) is perturbed
+
+
+def test_a_machine_that_no_draw_helps_is_refused_with_the_reason():
+    light = MACHINE.set({"frame.front.mass": 300.0}, check_ranges=False)
+    with pytest.raises(ValueError, match="must be above the crane's"):
+        TASKS["AORO/Loading-v0"].drawing(unperturbed)(light, [1, 2])
+
+
+def can_carry_a_crane(machine):
+    try:
+        VehicleCrane().check_fits(machine)
+    except ValueError:
+        return False
+    return True
