@@ -175,17 +175,17 @@ class Arrays:
         torch.cuda.current_stream(self.device).synchronize()
         return unpacked(here.numpy(), arrays)
 
-    def pinned(self, array: Array) -> Array:
-        """Memory of the host like the tensor ``array``, that a GPU reads and writes without waiting."""
+    def pinned(self, shape: tuple[int, ...], dtype: Any) -> Array:
+        """A tensor in memory of the host that a GPU reads and writes without waiting; torch keeps such memory until it has."""
         import torch  # pyright: ignore[reportMissingImports]
 
-        return torch.empty(array.shape, dtype=array.dtype, pin_memory=self.device.type != "cpu")
+        return torch.empty(shape, dtype=dtype, pin_memory=self.device.type != "cpu")
 
     def uploaded(self, values: NDArray[Any]) -> Array:
         """``values`` of the host as a tensor; a GPU fetches them when it comes to it, so that the host may go on at once."""
         import torch  # pyright: ignore[reportMissingImports]
 
-        here = self.pinned(torch.from_numpy(values))  # torch keeps such memory until it is fetched
+        here = self.pinned(values.shape, torch.from_numpy(values).dtype)
         here.numpy()[...] = values
         return here.to(self.device, non_blocking=True)
 

@@ -6,7 +6,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from operator import is_
+from typing import Any, NamedTuple
 
 import numpy as np
 import warp as wp
@@ -62,38 +63,81 @@ def write(tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any],
         wp.launch(scatter, dim=writes.shape[1], inputs=[writes], device=device)
 
 
-def by_row(
-    tensors: Sequence[Any], indices: Sequence[Any], values: Sequence[Any], count: int
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """The same writes by rows, for :func:`store`: places (3, M), which are addresses in row 0, bytes to the next row and how
-    many are written, and bits (K, M) of each of K rows.
+class RowWrites:
+    """The same writes by rows, for :func:`store`: into the same parts of the same arrays, whichever rows and values.
 
     Args:
         tensors: See :func:`write`.
         indices: Likewise; each holds the rows as an array, or c K of them, c of each row that lie side by side.
-        values: See :func:`write`.
         count: Number K of rows.
     """
-    addresses, strides, sizes, lengths, bits = [], [], [], [], []
-    for tensor, index, value in zip(tensors, indices, values, strict=True):
-        index = index if isinstance(index, tuple) else (index,)
-        if index[0] is Ellipsis:
-            index = (slice(None),) * (tensor.ndim + 1 - len(index)) + index[1:]
-        axis = next(number for number, part in enumerate(index) if isinstance(part, np.ndarray))
-        rows = len(index[axis])
-        slices = tuple(None if number == axis else part.__reduce__()[1] for number, part in enumerate(index))
-        offsets, before, after = _row_offsets(tuple(tensor.shape), tensor.stride(), rows // count, slices)
-        size = tensor.element_size()
-        addresses.append(size * offsets + tensor.data_ptr())
-        strides.append(size * tensor.stride(axis) * (rows // count))
-        sizes.append(size)
-        lengths.append(len(offsets))
-        part = np.asarray(value, _KINDS[tensor.dtype]).view(_BITS[size])
-        if part.shape != (*before, rows, *after):
-            part = np.broadcast_to(part, (*before, rows, *after))
-        bits.append((np.moveaxis(part, axis, 0) if axis else part).reshape(count, -1))
-    places = np.stack([np.concatenate(addresses), np.repeat(strides, lengths), np.repeat(sizes, lengths)])
-    return places, np.concatenate(bits, axis=1, dtype=np.int64)
+
+    def __init__(self, tensors: Sequence[Any], indices: Sequence[Any], count: int):
+        self._tensors = tensors
+        self._forms = [_form(index, count) for index in indices]
+        self._parts: list[_Part] = []
+        addresses, strides, sizes, lengths = [], [], [], []
+        for tensor, (each, *slices) in zip(tensors, self._forms, strict=True):
+            if slices[0] is Ellipsis:
+                slices = [slice(None)] * (tensor.ndim + 1 - len(slices)) + slices[1:]
+            axis, size = slices.index(None), tensor.element_size()
+            known = tuple(None if part is None else part.__reduce__()[1] for part in slices)
+            offsets, before, after = _row_offsets(tuple(tensor.shape), tensor.stride(), each, known)
+            begin = sum(lengths)
+            addresses.append(size * offsets + tensor.data_ptr())
+            strides.append(size * tensor.stride(axis) * each)
+            sizes.append(size)
+            lengths.append(len(offsets))
+            columns = slice(begin, begin + len(offsets))
+            self._parts.append(_Part(_KINDS[tensor.dtype], _BITS[size], columns, each, before, after))
+        self.places = np.stack([np.concatenate(addresses), np.repeat(strides, lengths), np.repeat(sizes, lengths)])
+        """What is written of a row (3, M): addresses in row 0, bytes to the next row and how many are written."""
+
+    def fits(self, tensors: Sequence[Any], indices: Sequence[Any], count: int) -> bool:
+        """Whether these writes of ``count`` rows, with arguments as above, are into the same places."""
+        return (
+            len(tensors) == len(self._tensors)
+            and all(map(is_, tensors, self._tensors))
+            and [_form(index, count) for index in indices] == self._forms
+        )
+
+    def fill(self, bits: NDArray[np.int64], values: Sequence[Any]) -> None:
+        """Write the bits of ``values``, each of which broadcasts to its place, into ``bits`` (K, M) of K rows."""
+        count = len(bits)
+        for (kind, word, columns, each, before, after), value in zip(self._parts, values, strict=True):
+            part = np.asarray(value, kind).view(word)
+            if each == 1:
+                there = bits[:, columns].reshape(count, *before, *after)
+                axes = *range(1, len(before) + 1), 0, *range(len(before) + 1, there.ndim)
+                there.transpose(axes)[...] = part
+            else:
+                rows = np.moveaxis(np.broadcast_to(part, (*before, each * count, *after)), len(before), 0)
+                bits[:, columns] = rows.reshape(count, -1)
+
+
+class _Part(NamedTuple):
+    """Of what is written of a row, that of one array."""
+
+    kind: str
+    """NumPy's name of its type."""
+    word: type[np.signedinteger]
+    """Integers as large."""
+    columns: slice
+    """Of the bits."""
+    each: int
+    """Its rows that are written as one."""
+    before: tuple[int, ...]
+    """Its shape before the axis of rows ..."""
+    after: tuple[int, ...]
+    """... and after it."""
+
+
+def _form(index: Any, count: int) -> list[Any]:
+    """What ``index`` says whichever the ``count`` rows: how many of an array are written as one, then its parts, None for
+    the rows."""
+    parts = index if isinstance(index, tuple) else (index,)
+    each = sum(len(part) for part in parts if isinstance(part, np.ndarray)) // count
+    return [each, *(None if isinstance(part, np.ndarray) else part for part in parts)]
 
 
 @lru_cache(maxsize=1024)

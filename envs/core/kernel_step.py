@@ -271,7 +271,7 @@ class KernelStep:
             ]  # fmt: skip
             if self._twin.device.is_cuda:
                 there = self._flags, self._ended[int(DONE)]
-                self._on_host = [(self._arrays.pinned(each), each) for each in there]
+                self._on_host = [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there]
 
     def _keeping(self) -> Callable[[], Any]:
         """Keeps the observation at the end of a step."""

@@ -9,6 +9,7 @@ was drawn and is not used is given back: generators are as if it had not been.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from numpy.typing import NDArray
 from aoro_gym.envs.core.drawing import drawing
 from aoro_gym.envs.core.kernels.beginning import Drawn
 from aoro_gym.execution.array_api import Array
-from aoro_gym.execution.scatter import by_row
+from aoro_gym.execution.scatter import RowWrites
 from aoro_gym.execution.streams import Generators
 
 AT_ONCE = 64
@@ -48,7 +49,7 @@ class NextEpisodes:
         self._drawing: Any = None  # see drawing()
         self._drawn_of: tuple[Any, ...] = ()
         self._memory: tuple[Any, ...] = ()  # what else is written at a start, see _drawn
-        self._places: NDArray[np.int64] | None = None  # None: nothing is there on the device
+        self._writes: RowWrites | None = None  # None: nothing is there on the device
         self._replaced = False  # whether what was drawn is for arrays that are used no more
         self._on_device: dict[str, Array] = {}  # see Drawn
 
@@ -70,20 +71,24 @@ class NextEpisodes:
         self._drawing = drawing(env) if self._drawing is None else self._drawing
         generators = self._drawing.take(rows)
         try:
-            places, bits = _drawn(env, rows, generators, self._memory_of(env))
+            tensors, indices, values = _drawn(env, rows, generators, self._memory_of(env))
         except Exception as error:  # whatever it is: it is raised again where the episode begins
             self.failed = error
             self._drawing.give_back(rows)
             return 0
-        if self._places is None:
-            self._allocate(env, places)
-        elif not np.array_equal(places, self._places):  # arrays were replaced
-            self._replaced = True
-            self._drawing.give_back(rows)
-            return 0
+        if self._writes is None or not self._writes.fits(tensors, indices, len(rows)):
+            writes, self._writes = self._writes, RowWrites(tensors, indices, len(rows))
+            if writes is None:
+                self._allocate(env, self._writes.places)
+            elif not np.array_equal(writes.places, self._writes.places):  # arrays were replaced
+                self._replaced = True
+                self._drawing.give_back(rows)
+                return 0
         self._drawing.drawn(rows, generators)
-        index = env.arrays.uploaded(rows)
-        self._on_device["bits"].index_copy_(0, index, env.arrays.uploaded(bits))
+        index, bits = env.arrays.uploaded(rows), self._on_device["bits"]
+        here = env.arrays.pinned((len(rows), bits.shape[1]), bits.dtype)
+        self._writes.fill(here.numpy(), values)
+        bits.index_copy_(0, index, here.to(bits.device, non_blocking=True))
         self._on_device["ready"].index_fill_(0, index, True)
         self.ready[rows] = True
         return len(rows)
@@ -97,7 +102,6 @@ class NextEpisodes:
     def _allocate(self, env: Any, places: NDArray[np.int64]) -> None:
         """Make room on the device for what is written to ``places`` (3, M), and let steps begin it."""
         arrays, xp, drawn = env.arrays, env.arrays.xp, Drawn()
-        self._places = places
         self._on_device = {
             "ready": arrays.zeros(len(self.ready), xp.bool),
             "places": arrays.asarray(places, xp.int64),
@@ -176,13 +180,13 @@ class NextEpisodes:
         """Forget what was drawn of other settings than those of now, or for other arrays."""
         now = env.task.randomisation, env.task.config
         if len(self._drawn_of) != len(now) or any(a is not b for a, b in zip(self._drawn_of, now, strict=True)):
-            self._replaced = self._places is not None  # other machines may be written
+            self._replaced = self._writes is not None  # other machines may be written
             self._drawn_of = now
             self.forget(env)
         if self._replaced:
             self.forget(env)
             env._kernel_step.take_drawn(None, in_step=False)
-            self._replaced, self._places, self._on_device = False, None, {}
+            self._replaced, self._writes, self._on_device = False, None, {}
 
     def _begin(self, env: Any, rows: NDArray[np.intp]) -> None:
         env._kernel_step.begin(env.arrays.index(rows))
@@ -195,9 +199,9 @@ class NextEpisodes:
 
 def _drawn(
     env: Any, rows: NDArray[np.intp], generators: Generators, memory: tuple[Any, ...]
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """What episodes of the sub-environments ``rows`` (K,) begin with, by their ``generators``: places (3, M) and bits (K, M)
-    of :func:`aoro_gym.execution.scatter.by_row`.
+) -> tuple[Sequence[Any], Sequence[Any], Sequence[Any]]:
+    """What episodes of the sub-environments ``rows`` (K,) begin with, by their ``generators``: tensors, indices and values of
+    :class:`aoro_gym.execution.scatter.RowWrites`.
 
     ``memory`` are the twins' marks, poses, terrains and machines, which are written beside the task's.
     """
@@ -219,4 +223,4 @@ def _drawn(
             records = twin.checked_records(rows, machine)
             arrays.put(machines, index, records.view(np.int32).reshape(len(rows), -1))
     tensors, indices, values = zip(*writes, strict=True)
-    return by_row(tensors, indices, values, len(rows))
+    return tensors, indices, values

@@ -7,7 +7,7 @@ import warp as wp
 from aoro_gym.envs.core.kernels.beginning import Drawn, write_drawn
 from aoro_gym.envs.core.kernels.step import BEGUN, StepMemory
 from aoro_gym.execution.array_api import HOST, Arrays
-from aoro_gym.execution.scatter import by_row
+from aoro_gym.execution.scatter import RowWrites
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("array_api_compat")
@@ -84,8 +84,11 @@ def test_by_rows_is_one_by_one():
     with arrays.kept() as kept:
         waiting = writes(arrays)
     assert not any(array.any() for array in waiting.values())
-    places, bits = by_row(*(list(each) for each in zip(*kept, strict=True)), count=2)
-    assert bits.shape == (2, places.shape[1]) and len(kept) == len(plain)
+    tensors, indices, values = zip(*kept, strict=True)
+    by_row = RowWrites(tensors, indices, 2)
+    places, bits = by_row.places, np.empty((2, by_row.places.shape[1]), dtype=np.int64)
+    by_row.fill(bits, values)
+    assert len(kept) == len(plain)
     for rows in ([3, 1], [0, 4]):
         ready = begin(rows, places, bits)
         assert [row for row in range(5) if not ready[row]] == sorted(rows)
@@ -93,6 +96,21 @@ def test_by_rows_is_one_by_one():
             axis = 0 if name in ("whole", "single", "flag") else 1
             now, then = (each.reshape(3, 5, 2) if name == "pairs" else each for each in (array.numpy(), plain[name]))
             np.testing.assert_array_equal(np.take(now, rows, axis), np.take(then, [3, 1], axis), err_msg=name)
+
+
+def test_writes_by_rows_are_told_from_others():
+    """Of other arrays, of other parts of them and of other numbers of rows that are written as one."""
+    array, one, two = torch.zeros((3, 8)), np.arange(2), np.arange(4)
+    writes = RowWrites([array], [(slice(1, 3), one)], 2)
+    assert writes.fits([array], [(slice(1, 3), two)], 4)
+    for tensors, index, count in (
+        ([array[:]], (slice(1, 3), one), 2),
+        ([array], (slice(None), one), 2),
+        ([array], (slice(1, 3), two), 2),
+        ([array], (..., one), 2),
+        ([array, array], (slice(1, 3), one), 2),
+    ):
+        assert not writes.fits(tensors, [index] * len(tensors), count)
 
 
 def test_order_and_the_device_are_not_kept():

@@ -191,7 +191,8 @@ def test_arrays_that_are_replaced_are_drawn_for_anew():
     in_step, by_host = two_ways()
     all_agree(in_step, by_host, 6)
     for env in (in_step, by_host):
-        env._next._places[0, 0] += 1  # as if they lay elsewhere before
+        env._next._writes.places[0, 0] += 1  # as if they lay elsewhere before ...
+        env._next._writes._tensors = ()  # ... and were others
     all_agree(in_step, by_host, 12)
 
 
