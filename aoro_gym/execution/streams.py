@@ -11,8 +11,8 @@ state gives 64 bits: its halves, exclusive or, turned right by its highest six b
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -80,23 +80,31 @@ class Streams:
         Ziggurat (Marsaglia, Tsang 2000): 8 bits name a layer, one the sign, 52 are the place in it; but for one of eighty
         draws that is inside the density, which is all that is calculated here. Others are left to NumPy.
         """
-        widths, inside = _layers()
-        bits = self.raw()
-        layer, place = bits & np.uint64(0xFF), (bits >> np.uint64(9)) & np.uint64(2**52 - 1)
-        out = place * widths[layer] * np.where(bits & np.uint64(0x100), -1.0, 1.0)
-        outside = np.flatnonzero(place >= inside[layer])
+        out, outside = _normal_numbers(self.raw())
         self._at[outside] -= 1
-        for i in outside:
-            out[i] = self._alone(i)
+        for i in np.flatnonzero(outside).tolist():
+            out[i] = self._by_numpy(i, np.random.Generator.standard_normal)
         return out
 
-    def _alone(self, i: np.intp) -> float:
-        """The next normal number of the stream ``i``, by NumPy."""
+    def normals_and_words(self, count: int) -> tuple[NDArray[np.float64], Words]:
+        """What ``count`` times :meth:`standard_normal` and then :meth:`raw` give, both (count, K)."""
+        bits = self._words(2 * count)
+        (numbers, outside), words = _normal_numbers(bits[:, ::2]), bits[:, 1::2]
+        alone = outside.any(axis=1)
+        self._at[alone] -= 2 * count
+        for i in np.flatnonzero(alone).tolist():
+            numbers[i], words[i] = self._by_numpy(i, partial(_alternating, count=count))
+        return numbers.T, words.T
+
+    def _by_numpy(self, i: int, draw: Callable[[np.random.Generator], Any]) -> Any:
+        """What ``draw`` gives with the generator of the stream ``i``, of whose words it takes none by halves."""
         generator = _spare()
-        write_states([generator], np.concatenate([self._block[:, self._at[i], i], self._states[2:, i]])[:, None])
-        number = generator.standard_normal()
-        high, low = read_states([generator])[:2, 0]
-        there = np.flatnonzero((self._block[0, :, i] == high) & (self._block[1, :, i] == low))
+        bits: Any = generator.bit_generator
+        bits.state = _told(*self._block[:, self._at[i], i].tolist(), *self._states[2:, i].tolist())
+        drawn = draw(generator)
+        state = bits.state["state"]["state"]
+        high, low = np.uint64(state >> 64), np.uint64(state & 2**64 - 1)
+        there = np.flatnonzero((self._block[1, :, i] == low) & (self._block[0, :, i] == high))
         if len(there):
             self._at[i] = there[0]
         else:  # beyond the block
@@ -104,7 +112,7 @@ class Streams:
             states[:2, i] = high, low
             self._states = states
             self._fill(BLOCK)
-        return number
+        return drawn
 
     def _half_words(self, which: NDArray[np.intp]) -> Words:
         """32 bits of the streams ``which`` (M,)."""
@@ -167,13 +175,18 @@ def read_states(generators: Sequence[np.random.Generator]) -> Words:
 
 def write_states(generators: Sequence[np.random.Generator], states: Words) -> None:
     """Give ``generators`` the ``states`` (6, K)."""
-    for generator, (high, low, step_high, step_low, left, half) in zip(generators, states.T.tolist(), strict=True):
-        generator.bit_generator.state = {
-            "bit_generator": "PCG64",
-            "state": {"state": high << 64 | low, "inc": step_high << 64 | step_low},
-            "has_uint32": left,
-            "uinteger": half,
-        }
+    for generator, words in zip(generators, states.T.tolist(), strict=True):
+        generator.bit_generator.state = _told(*words)
+
+
+def _told(high: int, low: int, step_high: int, step_low: int, left: int, half: int) -> dict[str, Any]:
+    """One of those states as NumPy takes it."""
+    return {
+        "bit_generator": "PCG64",
+        "state": {"state": high << 64 | low, "inc": step_high << 64 | step_low},
+        "has_uint32": left,
+        "uinteger": half,
+    }
 
 
 Generators = Streams | Sequence[np.random.Generator]
@@ -200,6 +213,20 @@ def normals(generators: Generators) -> NDArray[np.float64]:
     if isinstance(generators, Streams):
         return generators.standard_normal()
     return np.array([each.standard_normal() for each in generators])
+
+
+def _normal_numbers(bits: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Standard normal numbers of words of 64 bits, and which of them may be outside of their layers."""
+    widths, inside = _layers()
+    layer, place = bits & np.uint64(0xFF), (bits >> np.uint64(9)) & np.uint64(2**52 - 1)
+    return place * widths[layer] * np.where(bits & np.uint64(0x100), -1.0, 1.0), place >= inside[layer]
+
+
+def _alternating(generator: np.random.Generator, count: int) -> tuple[list[float], list[int]]:
+    """``count`` normal numbers, and a word after each."""
+    pairs = [(generator.standard_normal(), generator.bit_generator.random_raw()) for _ in range(count)]
+    numbers, words = zip(*pairs, strict=True)
+    return numbers, words
 
 
 def _product(a: tuple[Words, Words], b: tuple[Words, Words]) -> tuple[Words, Words]:

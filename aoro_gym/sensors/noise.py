@@ -7,6 +7,7 @@ sample by sample, and a device shows what the host does, up to the rounding of l
 from __future__ import annotations
 
 from collections.abc import Iterable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -22,8 +23,13 @@ Seeds = Array
 def draw_seeds(rngs: Generators) -> NDArray[np.int64]:
     """A seed for :func:`white` from each generator, shape (len(rngs),)."""
     if isinstance(rngs, Streams):
-        return (rngs.raw() >> np.uint64(1)).astype(np.int64)
+        return seeds_of(rngs.raw())
     return np.array([draw_seed(rng) for rng in rngs], dtype=np.int64)
+
+
+def seeds_of(words: NDArray[np.uint64]) -> NDArray[np.int64]:
+    """The seeds that :func:`draw_seed` makes of a generator's words."""
+    return (words >> np.uint64(1)).astype(np.int64)
 
 
 def draw_seed(rng: np.random.Generator) -> int:
@@ -62,7 +68,12 @@ def channel(seeds: NDArray[np.int64], number: int) -> NDArray[np.int64]:
 
 def channels(seeds: NDArray[np.int64], numbers: Iterable[int]) -> NDArray[np.int64]:
     """Seeds (C, N) for several of them."""
-    return _mixed(seeds + _mixed(np.array([*numbers], dtype=np.int64))[:, None])
+    return _mixed(seeds + _mixed_numbers(tuple(numbers)))
+
+
+@lru_cache(maxsize=256)
+def _mixed_numbers(numbers: tuple[int, ...]) -> NDArray[np.int64]:
+    return _mixed(np.array(numbers, dtype=np.int64))[:, None]
 
 
 class Drift:
@@ -122,6 +133,8 @@ def chosen_rows(indices: Array | None, num_twins: int, arrays: Arrays = HOST) ->
     if namespace(indices) is not np:
         return indices, len(indices)  # type: ignore[arg-type]
     rows = np.atleast_1d(np.asarray(indices, dtype=np.int64))
+    if len(rows) and rows[0] >= 0 and rows[-1] < num_twins and (rows[1:] > rows[:-1]).all():
+        return arrays.index(rows), len(rows)
     check_range("indices", rows, ge=0, le=num_twins - 1)
     if len(np.unique(rows)) != len(rows):
         raise ValueError(f"indices name twin {np.argmax(np.bincount(rows))} twice; name each once")

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from aoro_gym.checks import check_integer, check_range
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, namespace
-from aoro_gym.execution.streams import Generators, normals
+from aoro_gym.execution.streams import Generators, Streams, normals
 from aoro_gym.sensors.chain import SAMPLE_RATE, sample
 from aoro_gym.sensors.noise import (
     Seeds,
@@ -22,6 +22,7 @@ from aoro_gym.sensors.noise import (
     columns,
     draw_seeds,
     quantised,
+    seeds_of,
     tick,
     white,
 )
@@ -106,6 +107,9 @@ class PressureSensor:
 
     def _drawn(self, rngs: Generators, count: int = 1) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
         """Zero errors [Pa] and seeds (count, K) of ``count`` sensors for each of the K generators."""
+        if isinstance(rngs, Streams):
+            zero, words = rngs.normals_and_words(count)
+            return zero * self.noise.zero_error, seeds_of(words)
         zero, seeds = np.empty((count, len(rngs))), np.empty((count, len(rngs)), dtype=np.int64)
         for row in range(count):
             zero[row], seeds[row] = normals(rngs), draw_seeds(rngs)

@@ -28,32 +28,35 @@ class Together:
     def __init__(self, generators: list[Any]):
         self._generators = generators
         self._here = np.zeros(len(generators), dtype=bool)  # whose state is in the arrays
-        self._states = np.zeros((6, len(generators)), dtype=np.uint64)
-        self._before = np.zeros_like(self._states)  # what was drawn since is not used yet
+        self._ahead = np.zeros(len(generators), dtype=bool)  # who has drawn what is not used yet
+        self._states = np.zeros((len(generators), 6), dtype=np.uint64)
+        self._before = np.zeros_like(self._states)  # of those that are ahead, before they drew
 
     def take(self, rows: Rows) -> Generators:
         """To draw the next episodes of the sub-environments ``rows`` (K,) with."""
         new = rows[~self._here[rows]]
         if len(new):
-            self._states[:, new] = read_states([self._generators[i] for i in new])
+            self._states[new] = read_states([self._generators[i] for i in new]).T
             self._here[new] = True
-        self._before[:, rows] = self._states[:, rows]
-        return Streams(self._states[:, rows])
+        states = self._before[rows] = self._states[rows]
+        self._ahead[rows] = True
+        return Streams(states.T)
 
     def drawn(self, rows: Rows, draws: Generators) -> None:
         """Those of ``rows`` are drawn, with what :meth:`take` gave."""
         assert isinstance(draws, Streams)
-        self._states[:, rows] = draws.states
+        self._states[rows] = draws.states.T
 
     def used(self, rows: Rows) -> None:
         """Those of ``rows`` have begun."""
-        self._before[:, rows] = self._states[:, rows]
+        self._ahead[rows] = False
 
     def give_back(self, rows: Rows) -> None:
         """Generators of ``rows`` are as if what was drawn and is not used had not been."""
         here = rows[self._here[rows]]
-        write_states([self._generators[i] for i in here], self._before[:, here])
-        self._here[here] = False
+        states = np.where(self._ahead[here, None], self._before[here], self._states[here])
+        write_states([self._generators[i] for i in here], states.T)
+        self._here[here] = self._ahead[here] = False
 
 
 class OneByOne:

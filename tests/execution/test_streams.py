@@ -24,15 +24,21 @@ def test_all_draws_are_numpys_to_the_bit():
     for _ in range(300):
         counts = rng.choice([1, 2, 3, 7, 1000, 2**31 + 1, 2**32 - 1], size=len(plain))  # 2³¹ + 1: half are drawn again
         shape = tuple(rng.integers(1, 12, size=rng.integers(1, 3)))
-        draw = rng.integers(4)
+        draw = rng.integers(5)
         if draw == 0:
             np.testing.assert_array_equal(whole_numbers(streams, counts), whole_numbers(plain, counts))
         elif draw == 1:
             np.testing.assert_array_equal(uniforms(streams, *shape), uniforms(plain, *shape))
         elif draw == 2:
             np.testing.assert_array_equal(streams.raw(), [each.bit_generator.random_raw() for each in plain])
-        else:
+        elif draw == 3:
             np.testing.assert_array_equal(normals(streams), normals(plain))
+        else:
+            count = int(rng.integers(1, 50))
+            numbers, words = streams.normals_and_words(count)
+            for row in range(count):
+                np.testing.assert_array_equal(numbers[row], normals(plain))
+                np.testing.assert_array_equal(words[row], [each.bit_generator.random_raw() for each in plain])
         np.testing.assert_array_equal(streams.states[:4], read_states(plain)[:4])
     again = generators(37)
     write_states(again, streams.states)
