@@ -176,7 +176,7 @@ class Arrays:
         return unpacked(here.numpy(), arrays)
 
     def pinned(self, shape: tuple[int, ...], dtype: Any) -> Array:
-        """A tensor in memory of the host that a GPU reads and writes without waiting; torch keeps such memory until it has."""
+        """A tensor in memory of the host that a GPU reads and writes without waiting; torch keeps it until that is done."""
         import torch  # pyright: ignore[reportMissingImports]
 
         return torch.empty(shape, dtype=dtype, pin_memory=self.device.type != "cpu")

@@ -222,7 +222,7 @@ def _normal_numbers(bits: Words) -> tuple[NDArray[np.float64], NDArray[np.bool_]
     return place * widths[layer] * np.where(bits & np.uint64(0x100), -1.0, 1.0), place >= inside[layer]
 
 
-def _alternating(generator: np.random.Generator, count: int) -> tuple[list[float], list[int]]:
+def _alternating(generator: np.random.Generator, count: int) -> tuple[tuple[float, ...], tuple[int, ...]]:
     """``count`` normal numbers, and a word after each."""
     pairs = [(generator.standard_normal(), generator.bit_generator.random_raw()) for _ in range(count)]
     numbers, words = zip(*pairs, strict=True)

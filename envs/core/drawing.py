@@ -16,6 +16,8 @@ from aoro_gym.envs.core.randomisation import Randomisation
 from aoro_gym.execution.streams import Generators, Streams, all_streams, read_states, write_states
 
 Rows = NDArray[np.intp]
+TOGETHER_FROM = 512
+"""Least number of sub-environments whose generators draw together: batches of fewer are so small that they are slower."""
 
 
 class Together:
@@ -88,7 +90,8 @@ class OneByOne:
 def drawing(env: Any) -> Together | OneByOne:
     """What draws for ``env``, a :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`, as it is now."""
     known = type(env.task.randomisation).draw is Randomisation.draw and getattr(env.task, "draws_together", False)
-    return (Together if known and all_streams(env._generators) else OneByOne)(env._generators)
+    together = env.num_envs >= TOGETHER_FROM and known and all_streams(env._generators)
+    return (Together if together else OneByOne)(env._generators)
 
 
 def _restore(generator: np.random.Generator, state: Any, spawned: int) -> None:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from aoro_gym.envs.core.drawing import drawing
+from aoro_gym.envs.core.drawing import Together, drawing
 from aoro_gym.envs.core.kernels.beginning import Drawn
 from aoro_gym.execution.array_api import Array
 from aoro_gym.execution.scatter import RowWrites
@@ -24,7 +24,9 @@ from aoro_gym.execution.streams import Generators
 AT_ONCE = 64
 """Least number of episodes that are drawn together; that many of thousands may go without one that is ready."""
 MOST = 256
-"""Largest number of them, where more are missing."""
+"""Largest number of them at first, where more are missing; it is doubled while two such batches fit into a step ..."""
+LIMIT = 2048
+"""... until it is this."""
 SHARE = 8
 """At least so many batches make all of the sub-environments, where these are few."""
 
@@ -45,7 +47,7 @@ class NextEpisodes:
         self._in_step = in_step
         self._ready_then = self.ready  # when the launches of the last step were
         self._batch = min(AT_ONCE, max(1, num_envs // SHARE))
-        self._missed = 0  # episodes that began undrawn
+        self._most = MOST if self._batch == AT_ONCE else self._batch
         self._drawing: Any = None  # see drawing()
         self._drawn_of: tuple[Any, ...] = ()
         self._memory: tuple[Any, ...] = ()  # what else is written at a start, see _drawn
@@ -53,22 +55,27 @@ class NextEpisodes:
         self._replaced = False  # whether what was drawn is for arrays that are used no more
         self._on_device: dict[str, Array] = {}  # see Drawn
 
-    def draw(self, env: Any) -> int:
+    def draw(self, env: Any, needed: NDArray[np.intp] | None = None) -> int:
         """Draw a batch of episodes, if so many are missing; gives how many it drew.
 
         Args:
             env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`.
+            needed: Sub-environments that wait for theirs, which are drawn at once; what is drawn together costs little
+                more with those of others.
         """
         missing = ~self.ready
         if not env.task.randomisation.varies_machine:
             missing &= ~env._machine_changed  # these get the machine of all back
-        waiting, batch = np.flatnonzero(missing), self._batch
-        if self.failed is not None or self._replaced or len(waiting) < batch:
+        rows, least = (np.flatnonzero(missing), self._batch) if needed is None else (needed[missing[needed]], 1)
+        if self.failed is not None or self._replaced or len(rows) < least:
             return 0
         if not self._drawn_of:
             self.renew(env)
-        rows = waiting[: MOST if batch == AT_ONCE else batch]
         self._drawing = drawing(env) if self._drawing is None else self._drawing
+        if needed is None:
+            rows = rows[: self._most]
+        elif isinstance(self._drawing, Together):
+            rows = np.union1d(rows, np.flatnonzero(missing)[: self._most])
         generators = self._drawing.take(rows)
         try:
             tensors, indices, values = _drawn(env, rows, generators, self._memory_of(env))
@@ -113,21 +120,20 @@ class NextEpisodes:
         env._kernel_step.take_drawn(drawn, in_step=self._in_step)
 
     def draw_during(self, env: Any, step: Any) -> None:
-        """Draw a batch while the device is at a step, and more: as many episodes as began undrawn since the last one, and
-        those that are likely to be there before the step is.
+        """Draw a batch while the device is at a step, and more that are likely to be there before the step is.
 
         Args:
             env: See :meth:`draw`.
             step: Its :class:`~aoro_gym.envs.core.kernel_step.KernelStep`.
         """
-        began, count, episodes, missed = time.perf_counter(), 0, 0, self._missed
-        self._missed = 0
-        while drawn := self.draw(env):
-            count, episodes = count + 1, episodes + drawn
-            spent = time.perf_counter() - began
-            fits = step.computing and spent * (count + 1) / count <= step.seconds
-            if not fits and episodes >= missed:
-                return
+        began, spent, fits = time.perf_counter(), 0.0, True
+        while fits and (drawn := self.draw(env)):
+            before, spent = spent, time.perf_counter() - began
+            last, seconds = spent - before, step.seconds
+            if drawn == self._most >= MOST:
+                more, less = step.computing and 2.0 * last <= seconds, last > seconds
+                self._most = min(2 * drawn, LIMIT) if more else max(drawn // 2, MOST) if less else drawn
+            fits = step.computing and spent + last <= seconds
 
     def launched(self, env: Any) -> None:
         """The launches of a step follow, which begin those episodes that are ready now."""
@@ -157,9 +163,11 @@ class NextEpisodes:
             where: Sub-environments.
         """
         self.renew(env)
+        undrawn = where[~self.ready[where]]
+        if self._writes is not None and 0 < len(undrawn) <= MOST:
+            self.draw(env, undrawn)
         usable = self.ready[where]
         rows, others = where[usable], where[~usable]
-        self._missed += len(others)
         if len(rows):
             self._begin(env, rows)
         self.forget(env, others)
@@ -200,8 +208,8 @@ class NextEpisodes:
 def _drawn(
     env: Any, rows: NDArray[np.intp], generators: Generators, memory: tuple[Any, ...]
 ) -> tuple[Sequence[Any], Sequence[Any], Sequence[Any]]:
-    """What episodes of the sub-environments ``rows`` (K,) begin with, by their ``generators``: tensors, indices and values of
-    :class:`aoro_gym.execution.scatter.RowWrites`.
+    """What episodes of the sub-environments ``rows`` (K,) begin with, by their ``generators``: tensors, indices and values
+    of :class:`aoro_gym.execution.scatter.RowWrites`.
 
     ``memory`` are the twins' marks, poses, terrains and machines, which are written beside the task's.
     """

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.envs import register_envs
-from aoro_gym.envs.core import vector
+from aoro_gym.envs.core import drawing, next_episodes, vector
 from aoro_gym.envs.core.drawing import OneByOne, Together
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.levelling import config as levelling
@@ -26,6 +26,20 @@ register_envs()
 PATH_TRACKING, TURNING, LEVELLING = "AORO/PathTracking-v0", "AORO/Turning-v0", "AORO/Levelling-v0"
 LIMIT_TRACKING = "AORO/PathTracking-v1"
 NUMBER = 10
+
+
+WAYS = {"together": 1, "one by one": NUMBER + 1}
+"""How generators draw, and the least number of sub-environments that draw together then."""
+
+
+@pytest.fixture(autouse=True)
+def way(request, monkeypatch) -> str:
+    """Together, as many would, unless a test asks for both."""
+    monkeypatch.setattr(drawing, "TOGETHER_FROM", WAYS[getattr(request, "param", "together")])
+    return getattr(request, "param", "together")
+
+
+both_ways = pytest.mark.parametrize("way", WAYS, indirect=True)
 
 
 def made(name: str = TURNING, *, output: str = "torch", **options: Any) -> Any:
@@ -80,6 +94,7 @@ def begun(monkeypatch):
         (LEVELLING, {"randomisation": levelling.MILD}),
     ],
 )
+@both_ways
 def test_drawn_ahead_is_drawn_then(name, options, begun):
     """Machines that vary, too; most episodes begin so."""
     ahead, plain = pair(name, **options)
@@ -161,6 +176,7 @@ def test_launches_begin_what_the_host_would(case, brought, count, monkeypatch):
     assert all_agree(in_step, by_host, count) >= 2 * NUMBER
 
 
+@both_ways
 def test_what_is_not_drawn_in_time_begins_after_the_launches(begun, monkeypatch):
     """Of all that end in a step, those that are drawn begin in it, the others by the host."""
     in_step, by_host = two_ways()
@@ -171,6 +187,22 @@ def test_what_is_not_drawn_in_time_begins_after_the_launches(begun, monkeypatch)
     monkeypatch.setattr(in_step._next, "draw_during", lambda env, step: env._next.draw(env))
     assert all_agree(in_step, by_host, 12) == 3 * NUMBER
     assert begun
+
+
+@both_ways
+@pytest.mark.parametrize("mode", ["SameStep", "NextStep"])
+def test_others_are_drawn_with_those_that_wait(way, mode, begun, monkeypatch):
+    """Where they are drawn together: it takes no longer. They begin as if they had been drawn before."""
+    ahead, plain = pair(autoreset_mode=mode)
+    steps_agree(ahead, plain, 3)
+    assert ahead._next.ready.any() and not begun
+    ahead._next.forget(ahead)
+    monkeypatch.setattr(ahead._next, "_batch", NUMBER + 1)  # so many are never missing
+    steps_agree(ahead, plain, 3)
+    assert sorted(begun) == list(range(NUMBER)) and not ahead._next.ready.any()
+    monkeypatch.setattr(ahead._next, "_most", NUMBER)
+    ahead._next.begin(ahead, np.arange(2))
+    assert ahead._next.ready.tolist() == [False] * 2 + [way == "together"] * (NUMBER - 2)
 
 
 def test_a_wrong_term_is_named_before_anything_begins():
@@ -196,6 +228,7 @@ def test_arrays_that_are_replaced_are_drawn_for_anew():
     all_agree(in_step, by_host, 12)
 
 
+@both_ways
 @pytest.mark.parametrize("name", [TURNING, LEVELLING])
 def test_a_reset_begins_what_would_have_begun_without(name, begun):
     """All of it is given back: with a mask, with options, with seeds; generators that were spawned, too."""
@@ -240,12 +273,13 @@ def test_array_operations_go_on_from_the_same_draws():
     assert [generator.bit_generator.state for generator in ahead.generators] == states
 
 
+@both_ways
 @pytest.mark.parametrize("name", [TURNING, PATH_TRACKING])
-def test_who_draws_between_steps_draws_what_comes_next(name, begun):
+def test_who_draws_between_steps_draws_what_comes_next(name, way, begun):
     """By the first sub-environment's generator, and by another kind of generator in the place of one."""
     ahead, plain = pair(name)
     steps_agree(ahead, plain, 2)
-    assert ahead._next.ready.any() and isinstance(ahead._next._drawing, Together)
+    assert ahead._next.ready.any() and isinstance(ahead._next._drawing, Together) == (way == "together")
     assert ahead.np_random.random() == plain.np_random.random()
     steps_agree(ahead, plain, 4)
     for env in (ahead, plain):
@@ -282,16 +316,37 @@ def test_nothing_is_drawn_ahead_without_a_device():
         assert env._next is None
 
 
-@pytest.mark.parametrize(
-    ("seconds", "computing", "missed", "batches"),
-    [(0.0, True, 0, 1), (1e9, False, 0, 1), (1e9, True, 0, NUMBER), (0.0, True, 3, 3)],
-)
-def test_batches_are_drawn_while_they_fit_into_the_step(seconds, computing, missed, batches):
-    """One at least, and as many as were missed; each is one episode of ten."""
+@pytest.mark.parametrize(("seconds", "computing", "batches"), [(0.0, True, 1), (1e9, False, 1), (1e9, True, NUMBER)])
+def test_batches_are_drawn_while_they_fit_into_the_step(seconds, computing, batches):
+    """One at least; each is one episode of ten."""
     env = made()
     env.reset(seed=5)
     env.step(env.arrays.zeros(env.action_space.shape, env.arrays.xp.float32))
     env._next.forget(env)
-    env._next._missed = missed
     env._next.draw_during(env, SimpleNamespace(computing=computing, seconds=seconds))
-    assert env._next.ready.sum() == batches and env._next._missed == 0
+    assert env._next.ready.sum() == batches
+
+
+@pytest.mark.parametrize(("took", "computing", "sizes"), [
+    (1.0, True, [256, 512, 1024, 2048, 2048]),
+    (3.0, True, [256, 512]),
+    (1.0, False, [256]),
+    (8.0, True, [256]),
+])  # fmt: skip
+def test_batches_grow_while_two_fit_into_a_step(took, computing, sizes, monkeypatch):
+    """Of an unlimited number of episodes, in a step of eight seconds; every batch takes ``took``, whatever its size."""
+    following, clock = NextEpisodes(4096, in_step=True), [0.0]
+    drawn: list[int] = []
+
+    def draw(env: Any) -> int:
+        clock[0] += took
+        drawn.append(following._most)
+        return following._most
+
+    monkeypatch.setattr(following, "draw", draw)
+    monkeypatch.setattr(next_episodes, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
+    following.draw_during(None, SimpleNamespace(computing=computing, seconds=8.0))
+    assert drawn[: len(sizes)] == sizes and clock[0] <= max(8.0, took)
+    took *= 9.0
+    following.draw_during(None, SimpleNamespace(computing=computing, seconds=8.0))
+    assert following._most == max(drawn[-1] // 2, next_episodes.MOST)
