@@ -34,6 +34,8 @@ class PathTable:
         """In the order of the rows."""
         self.lengths = np.zeros(0)
         """Of each path [m], on the host; of one lap if it is closed."""
+        self.closed = np.zeros(0, dtype=bool)
+        """Whether it is, likewise."""
         self._arrays = arrays
         self._rows: list[NDArray[np.float64]] = []
         self.add(paths)
@@ -54,6 +56,7 @@ class PathTable:
 
     def _stack(self) -> None:
         self.lengths = np.array([path.length for path in self.paths])
+        self.closed = np.array([path.closed for path in self.paths])
         self._count = max(len(row) for row in self._rows)
         # what follows a shorter path's points is never asked for
         stacked = [np.pad(row, ((0, self._count - len(row)), (0, 0)), mode="edge") for row in self._rows]

@@ -81,7 +81,7 @@ def starting_poses(
         for frame in (machine.frame.front, machine.frame.rear)
     )
     length = table.lengths[path]
-    first = np.array([0.0 if table.paths[row].closed else start_distance for row in path])
+    first = np.where(table.closed[path], 0.0, start_distance)
     last = np.maximum(length - 2.0, first)
     s = asked("start", first + draws.task["start"] * (last - first), 0.0, np.inf, "m")
     if np.any(s > last):
@@ -162,14 +162,17 @@ def _free(table: PathTable, path: np.intp, s: float, ends: tuple[float, float], 
     return s
 
 
-def check_ground(poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], names: list[str]) -> None:
+def check_ground(
+    poses: StartingPose, height_map: HeightMap, course: NDArray[np.intp], table: PathTable, path: NDArray[np.intp]
+) -> None:
     """Refuse a start without ground under both axles.
 
     Args:
         poses: Of K vehicles.
         height_map: Grounds of all courses.
         course: Its number (K,).
-        names: Of the K paths, for the message.
+        table: All paths.
+        path: Its row (K,) in the table.
 
     Raises:
         ValueError: there is none.
@@ -179,6 +182,6 @@ def check_ground(poses: StartingPose, height_map: HeightMap, course: NDArray[np.
         bad = int(np.argmin(there))
         x, y = poses.axles[0, bad]
         raise ValueError(
-            f"path {names[bad]!r} starts at ({x:.1f}, {y:.1f}) m, where "
+            f"path {table.paths[path[bad]].name!r} starts at ({x:.1f}, {y:.1f}) m, where "
             f"terrain {course[bad]} has no ground for both axles; give a path within it"
         )

@@ -164,7 +164,7 @@ class PathTracking:
             where=where, num_envs=n, start_distance=config.start_distance,
             solid=None if self._solid is None else [self._solid[each] for each in course],
         )  # fmt: skip
-        check_ground(poses, self.height_map, course, [self.table.paths[row].name for row in path])
+        check_ground(poses, self.height_map, course, self.table, path)
 
         rows = arrays.index(where)
         length = self.table.lengths[path]
