@@ -82,8 +82,7 @@ class Streams:
         """
         out, outside = _normal_numbers(self.raw())
         self._at[outside] -= 1
-        for i in np.flatnonzero(outside).tolist():
-            out[i] = self._by_numpy(i, np.random.Generator.standard_normal)
+        out[outside] = self._by_numpy(np.flatnonzero(outside), np.random.Generator.standard_normal)
         return out
 
     def normals_and_words(self, count: int) -> tuple[NDArray[np.float64], Words]:
@@ -92,24 +91,26 @@ class Streams:
         (numbers, outside), words = _normal_numbers(bits[:, ::2]), bits[:, 1::2]
         alone = outside.any(axis=1)
         self._at[alone] -= 2 * count
-        for i in np.flatnonzero(alone).tolist():
-            numbers[i], words[i] = self._by_numpy(i, partial(_alternating, count=count))
+        which = np.flatnonzero(alone)
+        for i, drawn in zip(which, self._by_numpy(which, partial(_alternating, count=count)), strict=True):
+            numbers[i], words[i] = drawn
         return numbers.T, words.T
 
-    def _by_numpy(self, i: int, draw: Callable[[np.random.Generator], Any]) -> Any:
-        """What ``draw`` gives with the generator of the stream ``i``, of whose words it takes none by halves."""
-        generator = _spare()
+    def _by_numpy(self, which: NDArray[np.intp], draw: Callable[[np.random.Generator], Any]) -> list[Any]:
+        """What ``draw`` gives with each of the streams ``which`` (M,), of whose words it takes none by halves."""
+        generator, now = _spare(), np.concatenate([self._block[:, self._at[which], which], self._states[2:, which]])
         bits: Any = generator.bit_generator
-        bits.state = _told(*self._block[:, self._at[i], i].tolist(), *self._states[2:, i].tolist())
-        drawn = draw(generator)
-        state = bits.state["state"]["state"]
-        high, low = np.uint64(state >> 64), np.uint64(state & 2**64 - 1)
-        there = np.flatnonzero((self._block[1, :, i] == low) & (self._block[0, :, i] == high))
-        if len(there):
-            self._at[i] = there[0]
-        else:  # beyond the block
+        drawn, states = [], []
+        for words in now.T.tolist():
+            bits.state = _told(*words)
+            drawn.append(draw(generator))
+            states.append(bits.state["state"]["state"])
+        then = np.array([[state >> 64 for state in states], [state & 2**64 - 1 for state in states]], dtype=np.uint64)
+        there = (self._block[:, :, which] == then[:, None]).all(axis=0)
+        self._at[which] = there.argmax(axis=0)
+        if not there.any(axis=0).all():  # some are beyond the block
             states = self.states
-            states[:2, i] = high, low
+            states[:2, which] = then
             self._states = states
             self._fill(BLOCK)
         return drawn
