@@ -170,7 +170,8 @@ def evaluate(
     runs = (
         drive_locally(drivers, *todo) if ray is None else drive_on_cluster(drivers[0], *todo, ray=ray, device=names[0])
     )
-    made = drivers[0].make(1, machine=machine).task
+    # films are drawn from arrays on the host, as environments with a render mode have them
+    made = drivers[0].make(1, machine=machine, render_mode="rgb_array").task
     return Evaluation(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,
         lambda: made.scene(machine), repeats,

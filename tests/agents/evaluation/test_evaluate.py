@@ -17,6 +17,7 @@ from aoro_gym.agents.evaluation.logs import write_episode
 from aoro_gym.agents.evaluation.path_tracking import drive_paths
 from aoro_gym.agents.evaluation.responses import responses, rollout
 from aoro_gym.agents.evaluation.statistics import interquartile_mean, interval, stratified_interval
+from aoro_gym.envs.core import vector
 from aoro_gym.envs.path_tracking.config import FIXED
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.envs.path_tracking.environment import PathTrackingVectorEnv
@@ -474,6 +475,14 @@ def test_film_without_moviepy_is_an_animation(fixture, policy, size, tmp_path, m
         assert film.size == size
         # of 5 pictures every other; an animation may hold one picture for several that are the same
         assert getattr(film, "n_frames") == 3 if fixture == "turned" else 1 <= getattr(film, "n_frames") <= 3  # noqa: B009
+
+
+def test_films_are_drawn_where_arrays_live_on_a_gpu(tmp_path, monkeypatch):
+    """As there, on a CPU: arrays are tensors that are brought home."""
+    monkeypatch.setattr(vector, "calculates_there", lambda task, twin: True)
+    monkeypatch.setattr(films, "MOST_FRAMES", 2)
+    result = evaluate(TRACKING, {"asleep": Asleep}, episodes=1, seed=5, courses=[SHORT])
+    assert films.write_film(result, result.runs["asleep"], tmp_path / "film").stat().st_size > 0
 
 
 def test_one_episode_has_no_interval_but_of_its_rate(tmp_path, short_episodes):
