@@ -100,6 +100,7 @@ class KernelStep:
         self.status = arrays.alias(twin.status_codes)
         """Likewise (N,)."""
         self._memory = self._shared(env)
+        self._give: Callable[[Array], Any] = partial(np.copyto, self.given) if arrays.on_host else self.given.copy_
         self._clear: Callable[[], Any] = partial(self._flags.fill, 0) if arrays.on_host else self._flags.zero_
         if twin.device.is_cuda:
             self._clear = self._memory.flags.zero_
@@ -123,6 +124,7 @@ class KernelStep:
         on_gpu = twin.device.is_cuda
         self._events = [[wp.Event(twin.device, enable_timing=True) for _ in range(2)] for _ in range(2 * on_gpu)]
         self._on_host: list[tuple[Array, Array]] = []
+        self._seen: list[NDArray[Any]] = []  # as NumPy's arrays
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -181,7 +183,7 @@ class KernelStep:
         events = self._events[self._runs % 2] if self._events else ()
         if events:
             self._twin.device.stream.record_event(events[0])
-        self.given[...] = actions
+        self._give(actions)
         self._runs += 1
         if self._graph is not None:
             wp.capture_launch(self._graph)
@@ -272,6 +274,7 @@ class KernelStep:
             if self._twin.device.is_cuda:
                 there = self._flags, self._ended[int(DONE)]
                 self._on_host = [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there]
+                self._seen = [here.numpy() for here, _ in self._on_host]
 
     def _keeping(self) -> Callable[[], Any]:
         """Keeps the observation at the end of a step."""
@@ -300,8 +303,8 @@ class KernelStep:
         if not self._on_host:
             return self._flags.tolist(), self._ended[int(DONE)].numpy()
         wp.synchronize_event(self._events[(self._runs - 1) % 2][1])
-        flags, done = (here for here, _ in self._on_host)
-        return flags.tolist(), done.numpy()
+        flags, done = self._seen
+        return flags.tolist(), done
 
     def results(self) -> tuple[list[Array], list[Logged]]:
         """Of a step that begins episodes, too, in memory that the next one overwrites: the observation, that of its end,

@@ -135,9 +135,8 @@ class NextEpisodes:
                 self._most = min(2 * drawn, LIMIT) if more else max(drawn // 2, MOST) if less else drawn
             fits = step.computing and spent + last <= seconds
 
-    def launched(self, env: Any) -> None:
-        """The launches of a step follow, which begin those episodes that are ready now."""
-        self.renew(env)
+    def launched(self) -> None:
+        """The launches of a step have been asked for, which begin those episodes that are ready now."""
         self._ready_then = self.ready.copy()
 
     def began(self, env: Any, ended: NDArray[np.intp]) -> NDArray[np.intp]:

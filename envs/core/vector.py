@@ -27,7 +27,7 @@ from aoro_gym.envs.core.kernel_step import KernelStep, kernel_step
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.core.rendering import RENDER_MODES, Renderer
 from aoro_gym.envs.core.ruts import rut_infos
-from aoro_gym.envs.core.step_results import step_results
+from aoro_gym.envs.core.step_results import StepResults, step_results
 from aoro_gym.envs.core.task import Outputs, Start, Task, channel_row
 from aoro_gym.envs.core.terms import observations_of, rewards_of
 from aoro_gym.execution.array_api import HOST, Array, Arrays, Index, floats, namespace
@@ -42,10 +42,14 @@ from aoro_gym.twin.records import WHEELS, command_row
 from aoro_gym.twin.twin import STATUS
 
 Infos = dict[str, Any]
+Result = tuple[Array, Array, Array, Array, Infos]
+"""Of a step: observations, rewards, terminations, truncations and infos."""
 BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
 BASE_OPTIONS_SET = frozenset(BASE_OPTIONS)
 NOBODY: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
+ENDS = ((False, False), (False, True), (True, True))
+"""Whether in a step any episode terminates, and whether any ends."""
 OUTPUTS = ("numpy", "torch")
 """Kinds of arrays that environments hand out."""
 
@@ -102,6 +106,8 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     - Observations are not copied: the environment reads its tensor once more in the next step. Keep it as long as you
       like, but do not write to it. Rewards, terminations, truncations and infos are yours.
+    - Where the launches of a step begin episodes, the environment holds what its last two steps handed out, too: to free so
+      many tensors takes time, of which there is some while the device computes.
     - What :meth:`output` gives, and ``view.output`` in a term, aliases the twins' memory: it holds until the next step or
       reset.
     - ``info["termination"]`` are numbers, indices into ``termination_reasons``; ``info["final_obs"]`` is a tensor like
@@ -206,6 +212,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         self._machine_changed = np.zeros(self.num_envs, dtype=bool)
         self._warned_of: set[str] = set()  # parameters outside of their ranges
         self._done = np.ones(self.num_envs, dtype=bool)  # the host knows who waits for a reset
+        self._held: list[Any] = []  # what steps have handed out, until the device computes
         with self.arrays.ordered():
             self._allocate()
         self._renderer = Renderer(task, self.num_envs, self.twin.machine) if render_mode is not None else None
@@ -278,7 +285,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         traces = None if self._renderer is None else self._renderer.traces()
         self._forget_next()  # generators as they are to be
         state = {name: value for name, value in vars(self).items() if name != "twin"}
-        return {**state, "_renderer": traces, "_kernel_step": None, "_next": None}
+        return {**state, "_renderer": traces, "_kernel_step": None, "_next": None, "_held": []}
 
     def restore_state(self, state: Mapping[str, Any]) -> None:
         """Take up what :meth:`copied_state` gave; pictures are drawn anew."""
@@ -491,7 +498,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     # ---- step --------------------------------------------------------------------------------------------------------
 
-    def step(self, actions: Array) -> tuple[Array, Array, Array, Array, Infos]:
+    def step(self, actions: Array) -> Result:
         """Advance every sub-environment by one control step in one launch.
 
         Args:
@@ -506,8 +513,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
             ValueError: actions of the wrong shape, or not finite; a term that returns what it must not.
             gymnasium.error.ResetNeeded: a sub-environment has not been reset, or its episode has ended.
         """
-        resetting = self._done.copy()
-        if resetting.any():
+        if self._done.any():
             fresh = any(generator is None for generator in self._generators)
             if fresh or self.autoreset_mode is not AutoresetMode.NEXT_STEP:
                 raise gymnasium.error.ResetNeeded(
@@ -516,18 +522,19 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                 )
         actions = self._checked_actions(actions)
         with self.arrays.ordered():
-            result = self._advance(actions, resetting)
+            result = self._advance(actions)
         if self.render_mode == "human":
             self.render()
         return result
 
-    def _advance(self, actions: Array, resetting: NDArray[np.bool_]) -> tuple[Array, Array, Array, Array, Infos]:
-        """A control step; those that are ``resetting`` begin an episode in it."""
+    def _advance(self, actions: Array) -> Result:
+        """A control step; those whose episode ended in the last one begin another in it, unless the last one did that."""
         arrays, kernels = self.arrays, self._in_kernels()
         if kernels is not None and self._next is not None:
-            self._next.launched(self)
+            self._next.renew(self)
             if kernels.begins:
                 return self._advance_and_begin(kernels, self._next, actions)
+        resetting = self._done.copy()
         judged = self._judged(actions, resetting) if kernels is None else self._told(kernels, actions, resetting)
         infos = {f"reward/{name}": value for name, value in zip(self.task.reward_terms, judged.values, strict=True)}
         infos |= self._logged(judged.infos)
@@ -562,14 +569,17 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         observation = observation if self._brings_home else self._handed_out(self._observation)
         return observation, judged.rewards, judged.terminated, judged.truncated, infos
 
-    def _advance_and_begin(
-        self, kernels: KernelStep, following: NextEpisodes, actions: Array
-    ) -> tuple[Array, Array, Array, Array, Infos]:
-        """A control step whose launches also begin the episodes ``following``, those that are drawn, where others end."""
+    def _advance_and_begin(self, kernels: KernelStep, following: NextEpisodes, actions: Array) -> Result:
+        """A control step whose launches also begin the episodes ``following``, those that are drawn, where others end.
+
+        From the end of the launches to those of the next step a GPU has nothing to do: what can be done before is.
+        """
         kernels.run(actions)
+        following.launched()
+        del self._held[:-1]
         self._outputs, self._status = kernels.outputs, kernels.status
         kernels.told()
-        results = None if self._brings_home else step_results(kernels, self.arrays, on_host=False)
+        results = None if self._brings_home else self._results(kernels, ENDS)
         following.draw_during(self, kernels)
         flags, done = kernels.wait()
         *wrong, any_terminated, any_done, begun = flags
@@ -581,9 +591,21 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         if len(left):
             self._begin_others(left)
             results = None
+        ends = bool(any_terminated), bool(any_done)
         if results is None:
-            results = step_results(kernels, self.arrays, on_host=self._brings_home)
-        infos, final = results.contributions, results.final_infos
+            results = self._results(kernels, [ends])
+        self._held.append(results)
+        return results[ends]
+
+    def _results(self, kernels: KernelStep, cases: Sequence[tuple[bool, bool]]) -> dict[tuple[bool, bool], Result]:
+        """What the last step of ``kernels`` hands out in each of the ``cases``, of :data:`ENDS`, which share it."""
+        results = step_results(kernels, self.arrays, on_host=self._brings_home)
+        observation, rewards, terminated, truncated = results[:4]
+        return {ends: (observation, rewards, terminated, truncated, self._infos(results, *ends)) for ends in cases}
+
+    def _infos(self, results: StepResults, any_terminated: bool, any_done: bool) -> Infos:
+        """Infos of a step that comes to ``results``, with those of ends, where there are any."""
+        infos, final = dict(results.contributions), dict(results.final_infos)
         if any_terminated:
             reasons = self._reasons(results.ending)
             nothing = np.full(self.num_envs, None) if self._brings_home else self.arrays.xp.zeros_like(reasons)
@@ -596,7 +618,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
                 final_obs = _those(final_obs, results.done)
             infos["final_obs"], infos["_final_obs"] = final_obs, results.done
             infos["final_info"], infos["_final_info"] = final, results.done
-        return results.observation, results.rewards, results.terminated, results.truncated, infos
+        return infos
 
     def _begin_others(self, where: NDArray[np.intp]) -> None:
         """Begin episodes of the sub-environments ``where`` after the launches of a step that did not."""
