@@ -90,7 +90,7 @@ class KernelStep:
         """Actions as they were given (N, A)."""
         self.resetting, self.keeps = arrays.zeros(n, xp.bool), arrays.zeros(n, xp.bool)
         """Whose episode begins in the step, and whose observation stays as it was (N,)."""
-        self._flags = arrays.zeros(6, xp.int32)
+        self._flags = arrays.zeros(7, xp.int32)
         self._begun, self.known = arrays.zeros(n, xp.int64), arrays.zeros((5, n), xp.float32)
         self._values, self._rewards = arrays.zeros((terms, n), xp.float32), arrays.zeros(n, xp.float32)
         self._ending, self._ended = arrays.zeros(n, xp.int64), arrays.zeros((4, n), xp.bool)
@@ -123,8 +123,8 @@ class KernelStep:
         self._runs = 0
         on_gpu = twin.device.is_cuda
         self._events = [[wp.Event(twin.device, enable_timing=True) for _ in range(2)] for _ in range(2 * on_gpu)]
-        self._on_host: list[tuple[Array, Array]] = []
-        self._seen: list[NDArray[Any]] = []  # as NumPy's arrays
+        self._on_host: list[list[tuple[Array, Array]]] = []  # of every other step
+        self._seen: list[list[NDArray[Any]]] = []  # likewise, as NumPy's arrays
 
     def fits(self, env: Any) -> bool:
         """Whether the launches are still of what ``env`` has: memory of the outputs, limit of steps, and reward terms."""
@@ -191,8 +191,9 @@ class KernelStep:
             self._launch()
             if events:  # what the launches need is loaded now
                 self._graph = self._captured()
-        for here, there in self._on_host:
-            here.copy_(there, non_blocking=True)
+        if self._on_host:
+            for here, there in self._on_host[self._runs % 2]:
+                here.copy_(there, non_blocking=True)
         if events:
             self._twin.device.stream.record_event(events[1])
 
@@ -273,8 +274,10 @@ class KernelStep:
             ]  # fmt: skip
             if self._twin.device.is_cuda:
                 there = self._flags, self._ended[int(DONE)]
-                self._on_host = [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there]
-                self._seen = [here.numpy() for here, _ in self._on_host]
+                self._on_host = [
+                    [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there] for _ in range(2)
+                ]
+                self._seen = [[here.numpy() for here, _ in each] for each in self._on_host]
 
     def _keeping(self) -> Callable[[], Any]:
         """Keeps the observation at the end of a step."""
@@ -298,12 +301,12 @@ class KernelStep:
             each.launch()
 
     def wait(self) -> tuple[list[int], NDArray[np.bool_]]:
-        """The flags, and until the next step whose episode has ended (N,), when a step that begins episodes, too, is done;
-        not what was launched after it."""
+        """The flags, and for another step whose episode has ended (N,), when a step that begins episodes, too, is done; not
+        what was launched after it."""
         if not self._on_host:
-            return self._flags.tolist(), self._ended[int(DONE)].numpy()
+            return self._flags.tolist(), self._ended[int(DONE)].numpy().copy()
         wp.synchronize_event(self._events[(self._runs - 1) % 2][1])
-        flags, done = self._seen
+        flags, done = self._seen[self._runs % 2]
         return flags.tolist(), done
 
     def results(self) -> tuple[list[Array], list[Logged]]:

@@ -40,12 +40,12 @@ class NextEpisodes:
     """
 
     def __init__(self, num_envs: int, *, in_step: bool):
-        self.ready = np.zeros(num_envs, dtype=bool)
-        """Whose next episode is drawn (N,)."""
+        self._ready = np.zeros(num_envs, dtype=bool)
         self.failed: Exception | None = None
         """Why none is drawn any more; it is told when such an episode begins."""
         self._in_step = in_step
-        self._ready_then = self.ready  # when the launches of the last step were
+        self._unnoted: tuple[Any, ...] = ()  # see began()
+        self._ready_then = self._ready  # when the launches of the last step were
         self._batch = min(AT_ONCE, max(1, num_envs // SHARE))
         self._most = MOST if self._batch == AT_ONCE else self._batch
         self._drawing: Any = None  # see drawing()
@@ -54,6 +54,12 @@ class NextEpisodes:
         self._writes: RowWrites | None = None  # None: nothing is there on the device
         self._replaced = False  # whether what was drawn is for arrays that are used no more
         self._on_device: dict[str, Array] = {}  # see Drawn
+
+    @property
+    def ready(self) -> NDArray[np.bool_]:
+        """Whose next episode is drawn (N,)."""
+        self._note()
+        return self._ready
 
     def draw(self, env: Any, needed: NDArray[np.intp] | None = None) -> int:
         """Draw a batch of episodes, if so many are missing; gives how many it drew.
@@ -139,20 +145,27 @@ class NextEpisodes:
         """The launches of a step have been asked for, which begin those episodes that are ready now."""
         self._ready_then = self.ready.copy()
 
-    def began(self, env: Any, ended: NDArray[np.intp]) -> NDArray[np.intp]:
-        """Take note of what the launches of a step began; gives those of whom none was drawn.
+    def began(self, env: Any, done: NDArray[np.bool_]) -> None:
+        """The launches of a step began episodes where ``done`` (N,), of those that were drawn.
 
-        Args:
-            env: See :meth:`draw`.
-            ended: Sub-environments (K,) whose episode has ended in it.
+        Who that was is noted when it is asked for, at the latest when the device is at the next step, which need not wait.
         """
-        drawn = self._ready_then[ended]
-        begun = ended[drawn]
-        self.ready[begun] = False
+        self._unnoted = done, env._machine_changed if env.task.randomisation.varies_machine else None
+
+    def undrawn(self, done: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Sub-environments whose episode has ended in a step, ``done`` (N,), without the launches having another."""
+        return np.flatnonzero(done & ~self._ready_then)
+
+    def _note(self) -> None:
+        """Take note of what :meth:`began` was told."""
+        if not self._unnoted:
+            return
+        (done, changed), self._unnoted = self._unnoted, ()
+        begun = np.flatnonzero(done & self._ready_then)
+        self._ready[begun] = False
         self._drawing.used(begun)
-        if env.task.randomisation.varies_machine:
-            env._machine_changed[begun] = True
-        return ended[~drawn]
+        if changed is not None:
+            changed[begun] = True
 
     def begin(self, env: Any, where: NDArray[np.intp]) -> NDArray[np.intp]:
         """Begin those episodes of the sub-environments ``where`` (K,) that are drawn; gives the others.
@@ -174,6 +187,7 @@ class NextEpisodes:
 
     def forget(self, env: Any, where: NDArray[np.intp] | None = None) -> None:
         """Give back what was drawn for the sub-environments ``where``, all by default; not while a step begins it."""
+        self._note()
         rows = np.arange(len(self.ready)) if where is None else where
         if self._drawing is not None:
             self._drawing.give_back(rows)

@@ -47,7 +47,6 @@ Result = tuple[Array, Array, Array, Array, Infos]
 BASE_OPTIONS = ("reset_mask", "machine", "terrain", "sensor_seed")
 """Keys of ``reset(options=...)`` that every task takes."""
 BASE_OPTIONS_SET = frozenset(BASE_OPTIONS)
-NOBODY: NDArray[np.intp] = np.zeros(0, dtype=np.intp)
 ENDS = ((False, False), (False, True), (True, True))
 """Whether in a step any episode terminates, and whether any ends."""
 OUTPUTS = ("numpy", "torch")
@@ -582,14 +581,13 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         results = None if self._brings_home else self._results(kernels, ENDS)
         following.draw_during(self, kernels)
         flags, done = kernels.wait()
-        *wrong, any_terminated, any_done, begun = flags
-        left = np.flatnonzero(done) if any_done else NOBODY
+        *wrong, any_terminated, any_done, begun, left = flags
         if begun:
-            left = following.began(self, left)
+            following.began(self, done)
         if any(wrong):
             self._complain(wrong, self._meant(kernels), kernels.values())
-        if len(left):
-            self._begin_others(left)
+        if left:
+            self._begin_others(following.undrawn(done))
             results = None
         ends = bool(any_terminated), bool(any_done)
         if results is None:

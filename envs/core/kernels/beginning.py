@@ -8,6 +8,7 @@ import warp as wp
 from aoro_gym.envs.core.kernels.step import (
     BEGUN,
     DONE,
+    LEFT,
     UNMEANT,
     WRONG_OBSERVATION,
     WRONG_REWARD,
@@ -36,6 +37,8 @@ def choose(m: StepMemory, drawn: Drawn):
     m.keeps[i] = not begins
     if begins:
         m.begun[wp.atomic_add(m.flags, BEGUN, 1)] = wp.int64(i)
+    elif m.ended[DONE, i]:
+        m.flags[LEFT] = 1
 
 
 @wp.kernel(enable_backward=False, module="aoro_gym.envs.core.kernels")

@@ -5,8 +5,10 @@ import warp as wp
 from aoro_gym.envs.core import contacts
 from aoro_gym.twin.records import Output, State
 
-UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE, BEGUN = (wp.constant(number) for number in range(6))
-"""Rows of the flags; the last one is how many episodes begin."""
+UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
+BEGUN, LEFT = (wp.constant(number) for number in (5, 6))
+"""Rows of the flags; the last ones are how many episodes begin, and whether any sub-environment is left to the host to begin
+another."""
 TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(4))
 """Rows of what a step ended with."""
 OWN = wp.constant(-1)
@@ -32,7 +34,7 @@ class StepMemory:
     status: wp.array(dtype=int)  # likewise
     steps: wp.array(dtype=wp.int64)  # (N,) since the episode began
     resetting: wp.array(dtype=wp.bool)  # (N,) whose episode begins in this step
-    flags: wp.array(dtype=int)  # (6,)
+    flags: wp.array(dtype=int)  # (7,)
     begun: wp.array(dtype=wp.int64)  # (N,) whose episodes begin; so many of them as the flags say
     weights: wp.array(dtype=wp.float64)  # (T,)
     reward_kinds: wp.array(dtype=int)  # (T,)

@@ -73,9 +73,9 @@ def begun(monkeypatch):
     rows: list[int] = []
     begin, began = NextEpisodes._begin, NextEpisodes.began
 
-    def in_step(self, env, ended):
-        rows.extend(ended[self._ready_then[ended]])
-        return began(self, env, ended)
+    def in_step(self, env, done):
+        rows.extend(np.flatnonzero(done & self._ready_then))
+        began(self, env, done)
 
     monkeypatch.setattr(
         NextEpisodes, "_begin", lambda self, env, which: (rows.extend(which), begin(self, env, which))[1]
@@ -174,6 +174,19 @@ def test_launches_begin_what_the_host_would(case, brought, count, monkeypatch):
         options = {**options, "output": "numpy"}
     in_step, by_host = two_ways(name, **options)
     assert all_agree(in_step, by_host, count) >= 2 * NUMBER
+
+
+def test_what_is_handed_out_lasts():
+    """While later steps hand out others, in which episodes end and begin, too."""
+    env, _ = two_ways(PATH_TRACKING)
+    steps = []
+    for _ in range(9):
+        out = env.step(np.full(env.action_space.shape, 0.3, np.float32))
+        steps.append((out, copy.deepcopy(out)))
+    assert env._kernel_step.begins and sum("final_info" in out[4] for out, _ in steps) == 2
+    for out, then in steps:
+        for one, other in zip(out, then, strict=True):
+            same(one, other)
 
 
 @both_ways
