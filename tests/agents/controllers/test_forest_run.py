@@ -110,7 +110,7 @@ def endings(env: Any, policy: Any) -> list[str]:
         observations, _, terminated, truncated, infos = env.step(policy(observations))
         ended = terminated | truncated
         for i in np.flatnonzero(ended):
-            found[i] = found[i] or infos["termination"][i] or "time"
+            found[i] = found[i] or (infos["termination"][i] if terminated[i] else "time")
         if all(found):
             break
         if ended.any():
