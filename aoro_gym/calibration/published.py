@@ -271,15 +271,12 @@ class PublishedFigures:
         turning, swing, single = np.split(
             np.divide(fit.residuals, 2.0), [self.target.size, self.target.size + len(LEVELS) * len(SWING)]
         )
+        rows = np.hstack([turning.reshape(self.target.shape), swing.reshape(len(LEVELS), -1)])
         return {
             "largest_miss_tolerances": float(np.max(np.abs(fit.residuals)) / 2.0),
             "misses_tolerances": {
-                f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
-                for turn, row in zip(LEVELS, turning.reshape(self.target.shape).tolist(), strict=True)
-            },
-            "swings_tolerances": {
-                f"{turn.signal_percent:g}": dict(zip(SWING, row, strict=True))
-                for turn, row in zip(LEVELS, swing.reshape(len(LEVELS), -1).tolist(), strict=True)
+                f"{turn.signal_percent:g}": dict(zip((*FIGURES, *SWING), row, strict=True))
+                for turn, row in zip(LEVELS, rows.tolist(), strict=True)
             },
             "single_misses_tolerances": dict(zip(SINGLE_FIGURES, single.tolist(), strict=True)) | right,
             # none where a turn fails at one of the substeps

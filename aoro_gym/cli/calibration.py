@@ -258,13 +258,13 @@ def calibrate(
 
     --published: the published procedure (valve curve, turn times, driving pressure), then all uncertain parameters: the
     most probable machine, ranges read as 95 %, that has the key figures of the published twin's left turns within their
-    tolerances; then the valve's right side by right turns. --logs: the twin repeats all commands of each LOG (steering,
-    drive, arms, traction, gear, parking brake) on the ground and under the conditions of the manifest beside it, and its
-    joint angle, pressures and engine speed are compared sample by sample. A LOG needs time_s, a command such as
-    steering_signal, joint_angle_rad (or _deg) and a rest at its begin; pressures help. Full turns and slow ramps say
-    most. Logs choose the family of laws, too: the one that best predicts logs that it was not fitted to. That takes some
-    four times as long as one family (--laws NAME); --quick takes a fifth of it for a look, and --device cpu:simd is
-    several times as fast.
+    tolerances, and a steady flow that swings by 2 % at most; then the valve's right side by right turns. --logs: the
+    twin repeats all commands of each LOG (steering, drive, arms, traction, gear, parking brake) on the ground and under
+    the conditions of the manifest beside it, and its joint angle, pressures and engine speed are compared sample by
+    sample. A LOG needs time_s, a command such as steering_signal, joint_angle_rad (or _deg) and a rest at its begin;
+    pressures help. Full turns and slow ramps say most. Logs choose the family of laws, too: the one that best predicts
+    logs that it was not fitted to. That takes some four times as long as one family (--laws NAME); --quick takes a fifth
+    of it for a look, and --device cpu:simd is several times as fast.
 
     --procedure: the published procedure on LOGs, by what their commands are. Slow ramps to one side give its dead band, full
     turns at three levels or more its nominal flow, openings and pressure drop, straight drives at --drive-speed with both

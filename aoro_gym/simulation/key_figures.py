@@ -45,7 +45,7 @@ FIGURES = (
 )
 """Names of the figures, the most important first; the columns of the published table."""
 
-SWING = ("steady_rise", "steady_fall")
+SWING = ("swing_above_line", "swing_below_line")
 """Names of how far the flow swings about its straight line in the steady period: see :func:`steady_swing_batch`."""
 
 UNFILTERED = ("turn_time_s", "mean_flow_L_per_min")
