@@ -58,27 +58,31 @@ def most_probable_fit(
 ) -> Fit:
     """The point nearest to ``prior`` that has no residual beyond ``limit``, or else one of least sum beyond it.
 
-    The cost of the fit is the penalised one; without penalty it is :func:`prior_cost`. Every step is kept in
-    ``checkpoint``: the same search, called again, goes on there and finds the same.
+    The figures are curved, so that a search ends where its start leads; of several starts the best end is returned. The cost
+    of the fit is the penalised one; without penalty it is :func:`prior_cost`. Every step is kept in ``checkpoint``: the same
+    search, called again, goes on there and finds the same.
 
     Args:
         residuals: See :data:`aoro_gym.calibration.fit.Residuals`; in half tolerances.
         prior: Most probable point (d,) before any figure.
-        initial: Point (d,) to start from, best near where figures are met.
+        initial: Point (d,) to start from, best near where figures are met, or several (S, d).
         limit: Largest residual.
-        max_iterations: Jacobians at most.
+        max_iterations: Jacobians a start at most.
         problem: Digest of what is fitted to what; a checkpoint of another problem is not resumed.
         checkpoint: File (JSON) to resume from and to write to.
-        work: Told as it begins; ``residuals`` count their work themselves.
+        work: Told as searches begin; ``residuals`` count their work themselves.
 
     Raises:
         ValueError: the checkpoint is damaged.
     """
+    starts = np.clip(np.atleast_2d(initial), 0.0, 1.0)
     signature = digest(prior, initial, limit, max_iterations, problem, DIFFERENCE, BOXES, ENOUGH, PENALTY, PRIOR_STD)
     kept = Checkpoint(checkpoint, signature)
     search = _ProbableSearch(residuals, prior, 1.0, max_iterations, kept, work or Work(), BOXES, DIFFERENCE, limit)
-    search.refine(0, np.clip(initial, 0.0, 1.0).tolist(), "probable", "the most probable machine")
-    return kept.fits[0]
+    for index, start in enumerate(starts.tolist()):
+        of = f" from start {index + 1} of {len(starts)}" if len(starts) > 1 else ""
+        search.refine(index, start, f"probable {index + 1}", f"the most probable machine{of}")
+    return min(kept.fits, key=lambda fit: fit.cost)
 
 
 def prior_cost(points: NDArray[np.float64], prior: NDArray[np.float64]) -> NDArray[np.float64]:

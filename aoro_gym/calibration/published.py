@@ -22,13 +22,14 @@ from aoro_gym.calibration.space import Space
 from aoro_gym.calibration.turns import population_figures
 from aoro_gym.execution.digest import digest
 from aoro_gym.machine import Machine
-from aoro_gym.simulation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES, SWING
 from aoro_gym.validation.published import published, published_rows
 from aoro_gym.validation.study import (
     BARE_PRESSURE_TARGET,
     MASS_TARGET,
     MOTOR_PRESSURE_TARGET,
     RIM_SPEED_TARGET,
+    SWING_TARGET,
     TARGETS,
     TURN_TIME_TARGET,
 )
@@ -110,8 +111,8 @@ def calibrate_published(
     """Calibrate ``datasheet`` against the published figures.
 
     First the published procedure alone; then all uncertain parameters within their ranges against the key figures of
-    the published twin (rows ``mevea``): least squares from several starts, and from the best the most probable machine that
-    has all figures within their tolerances (:mod:`.probable`); then likewise the right side of the valve against right
+    the published twin (rows ``mevea``) and its steady flow, which hardly swings: least squares from several starts, and from
+    each the most probable machine that has all figures within their tolerances (:mod:`.probable`); then likewise the right side of the valve against right
     turns (:mod:`.right_turns`). Every search is seeded and resumes from ``folder``.
 
     Args:
@@ -187,7 +188,7 @@ def _phases(free: int, starts: int, population: int, ensemble: int) -> dict[str,
         "sensitivity": (1 + PROBES) * (free + 1.0),
         "population": float(population),
         **{f"start {index + 1}": float(USUAL_STEPS * step) for index in range(starts)},
-        "probable": float(PROBABLE_STEPS * step),
+        **{f"probable {index + 1}": float(PROBABLE_STEPS * step) for index in range(starts)},
         "substeps": 3.0,
         **({"ensemble": float(CANDIDATES)} if ensemble else {}),
         "finishing": PROCEDURE * (1 + ensemble),
@@ -204,16 +205,20 @@ class PublishedFigures:
     work: Work
 
     def misses(self, machine: Machine, substeps: int = 30) -> NDArray[np.float64]:
-        """Misses (figures of the turns, then single ones, N) of the variants of ``machine`` in half tolerances."""
+        """Misses (figures of the turns, swings of their steady flow, single figures, N) of the variants of ``machine`` in
+        half tolerances."""
         levelled = machine.levelled()
-        found = population_figures(levelled, LEVELS, device=self.device, substeps=substeps, progress=self.work.did)
-        turning = ((found - self.target[:, :, None]) / self.tolerance[:, :, None]).reshape(self.target.size, -1)
+        found = population_figures(
+            levelled, LEVELS, device=self.device, substeps=substeps, swing=True, progress=self.work.did
+        )
+        key, swing = found[:, : len(FIGURES)], found[:, len(FIGURES) :]
+        turning = ((key - self.target[:, :, None]) / self.tolerance[:, :, None]).reshape(self.target.size, -1)
         count = turning.shape[1]
         single = [
             np.broadcast_to((measure(levelled, self.device, substeps) / published(name) - 1.0) / bound, count)
             for name, (measure, bound) in SINGLE_FIGURES.items()
         ]
-        return 2.0 * np.vstack([turning, *single])
+        return 2.0 * np.vstack([turning, swing.reshape(-1, count) / SWING_TARGET, *single])
 
     def residuals(self, space: Space) -> Residuals:
         """The misses of points."""
@@ -263,17 +268,20 @@ class PublishedFigures:
         machine = space.population(np.array(fit.point))
         halved = self.misses(machine, substeps=60)[:, 0] - self.misses(machine)[:, 0]
         change = float(np.max(np.abs(halved)) / 2.0)
-        rows = np.reshape(fit.residuals[: self.target.size], self.target.shape) / 2.0
+        turning, swing, single = np.split(
+            np.divide(fit.residuals, 2.0), [self.target.size, self.target.size + len(LEVELS) * len(SWING)]
+        )
         return {
             "largest_miss_tolerances": float(np.max(np.abs(fit.residuals)) / 2.0),
             "misses_tolerances": {
                 f"{turn.signal_percent:g}": dict(zip(FIGURES, row, strict=True))
-                for turn, row in zip(LEVELS, rows.tolist(), strict=True)
+                for turn, row in zip(LEVELS, turning.reshape(self.target.shape).tolist(), strict=True)
             },
-            "single_misses_tolerances": dict(
-                zip(SINGLE_FIGURES, np.divide(fit.residuals[self.target.size :], 2.0).tolist(), strict=True)
-            )
-            | right,
+            "swings_tolerances": {
+                f"{turn.signal_percent:g}": dict(zip(SWING, row, strict=True))
+                for turn, row in zip(LEVELS, swing.reshape(len(LEVELS), -1).tolist(), strict=True)
+            },
+            "single_misses_tolerances": dict(zip(SINGLE_FIGURES, single.tolist(), strict=True)) | right,
             # none where a turn fails at one of the substeps
             "largest_change_at_half_the_substep_tolerances": change if np.isfinite(change) else None,
         }
@@ -288,7 +296,7 @@ def _searched(
     seed: int,
     folder: Path | None,
 ) -> tuple[list[Fit], Fit]:
-    """All least-squares fits, the best first, and from there the most probable machine that has all figures.
+    """All least-squares fits, the best first, and the most probable machine that has all figures of those that they lead to.
 
     Args:
         comparison: Machines beside the figures.
@@ -307,7 +315,7 @@ def _searched(
         problem=problem, checkpoint=folder / "search.json" if folder else None, work=comparison.work,
     )  # fmt: skip
     chosen = most_probable_fit(
-        residuals, prior, np.array(fits[0].point), problem=problem, work=comparison.work,
+        residuals, prior, np.array([fit.point for fit in fits]), problem=problem, work=comparison.work,
         checkpoint=folder / "search-probable.json" if folder else None,
     )  # fmt: skip
     return fits, chosen

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aoro_gym.machine import Machine
-from aoro_gym.simulation.key_figures import FIGURES, key_figures_batch
+from aoro_gym.simulation.key_figures import FIGURES, SWING, key_figures_batch, steady_swing_batch
 from aoro_gym.twin import Twin
 from aoro_gym.validation.turns import Turn
 
@@ -39,6 +39,7 @@ def population_figures(
     *,
     device: str = "cpu",
     substeps: int = 30,
+    swing: bool = False,
     progress: Callable[[float], None] = lambda machines: None,
 ) -> NDArray[np.float64]:
     """Key figures, interpolated between samples, of all variants: (turns, figures, N); NaN where a turn failed.
@@ -48,10 +49,12 @@ def population_figures(
         turns: What each of them does.
         device: Where the twins run.
         substeps: Hydraulic substeps a main step.
+        swing: Whether those of :data:`~aoro_gym.simulation.key_figures.SWING` follow the others.
         progress: Called with the number of machines, whole and parts, that have done all turns since the last call.
     """
     count = machine.num_variants
-    out = np.empty((len(turns), len(FIGURES), count))
+    names = (*FIGURES, *SWING) if swing else FIGURES
+    out = np.empty((len(turns), len(names), count))
     whole = sum(STANDSTILL + round(longest(turn) + STANDSTILL, 2) for turn in turns)
     for i, turn in enumerate(turns):
         twin = Twin(count, machine=machine, device=device, substeps=substeps, check_step=False)
@@ -67,7 +70,10 @@ def population_figures(
                 progress(min(left, CHUNK) / whole * count)
                 left = round(left - CHUNK, 2)
         angle = np.concatenate(parts).astype(np.float64)
-        figures = key_figures_batch(SAMPLING * np.arange(len(angle)), angle, machine, interpolate=True)
-        out[i] = [figures[name] for name in FIGURES]
+        time = SAMPLING * np.arange(len(angle))
+        figures = key_figures_batch(time, angle, machine, interpolate=True)
+        if swing:
+            figures |= steady_swing_batch(time, angle, machine)
+        out[i] = [figures[name] for name in names]
         out[i][:, twin.status != 0] = np.nan
     return out

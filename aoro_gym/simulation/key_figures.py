@@ -45,6 +45,9 @@ FIGURES = (
 )
 """Names of the figures, the most important first; the columns of the published table."""
 
+SWING = ("steady_rise", "steady_fall")
+"""Names of how far the flow swings about its straight line in the steady period: see :func:`steady_swing_batch`."""
+
 UNFILTERED = ("turn_time_s", "mean_flow_L_per_min")
 """Figures that the filter does not enter."""
 
@@ -141,6 +144,35 @@ def key_figures_batch(
         ),
     )
     return dict(zip(FIGURES, values, strict=True))
+
+
+def steady_swing_batch(
+    time: ArrayLike, angle: NDArray[np.float64], machine: Machine | SteeringCylinder
+) -> dict[str, NDArray[np.float64]]:
+    """How far the flow of N full turns rises above and falls below its straight line in the steady period: (N,) by the
+    names of :data:`SWING`, as shares of the line's mean; NaN where :func:`key_figures_batch` has no steady flow.
+
+    The line is that of least squares, so a flow that only drifts does not swing. Extremes are read between samples.
+
+    Args:
+        time: Evenly spaced instants [s] (F,), as of :func:`key_figures_batch`.
+        angle: Unfiltered joint angle [rad] (F, N).
+        machine: The machine, or one of its steering cylinders, with one variant or N.
+    """
+    clock = np.asarray(time, dtype=np.float64)
+    rate, cylinder = sampling_rate(clock), machine.steering.cylinder if isinstance(machine, Machine) else machine
+    span = turn_span(clock, angle, cylinder.half_range, interpolate=True)
+    clear = span.complete & (len(clock) - 1 - span.last >= STANDSTILL * rate - _SLACK)
+    since, turn_time = clock[:, None] - span.began, span.ended - span.began
+    period = (since >= STEADY[0] * turn_time) & (since <= STEADY[1] * turn_time) & clear
+    flow = measured_flow(cylinder, angle, span.direction, rate=rate)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        count = period.sum(axis=0)
+        mean = np.where(period, flow, 0.0).sum(axis=0) / count
+        later = np.where(period, since - np.where(period, since, 0.0).sum(axis=0) / count, 0.0)
+        slope = (later * (flow - mean)).sum(axis=0) / np.square(later).sum(axis=0)
+        swing = (flow - mean - slope * later) / mean
+    return {name: _extreme(sign * swing, period, True)[0] for name, sign in zip(SWING, (1.0, -1.0), strict=True)}
 
 
 def key_figures(

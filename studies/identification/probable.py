@@ -21,17 +21,17 @@ from aoro_gym.calibration.progress import Work
 from aoro_gym.calibration.published import PRIOR_WEIGHT, SINGLE_FIGURES, PublishedFigures, published_targets
 from aoro_gym.calibration.space import Space
 from aoro_gym.machine import Machine
-from aoro_gym.simulation.key_figures import FIGURES
+from aoro_gym.simulation.key_figures import FIGURES, SWING
 from studies.identification.figures import found_of
 from studies.identification.splits import BY_LEVEL, Split
 from studies.identification.table import table
 
 
 def known(split: Split) -> np.ndarray:
-    """Rows of the published figures that a split fits: turns at its levels, and single figures, of which the rims' speed
-    belongs to the turn at full signal."""
-    of_turns = np.repeat(split.levels, len(FIGURES))
-    return np.concatenate([of_turns, [name != "rim_speed" or split.levels[0] for name in SINGLE_FIGURES]])
+    """Rows of the published figures that a split fits: turns at its levels with the swing of their steady flow, and single
+    figures, of which the rims' speed belongs to the turn at full signal."""
+    of_turns = [np.repeat(split.levels, len(names)) for names in (FIGURES, SWING)]
+    return np.concatenate([*of_turns, [name != "rim_speed" or split.levels[0] for name in SINGLE_FIGURES]])
 
 
 def main() -> None:

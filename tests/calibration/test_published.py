@@ -27,10 +27,11 @@ def rows(direction, source):
     }
 
 
-def turns_in_closed_form(machine, turns, *, peak=1.05, progress=lambda machines: None, **_):
+def turns_in_closed_form(machine, turns, *, peak=1.05, wave=0.0, swing=False, progress=lambda machines: None, **_):
     """A mean flow by the valve's curve and its edge's drop, a time by the mean flow; of the left the published twin's
-    figures, but first peaks are ``peak`` times as high and fall with the tenth root of the spool's time constant."""
-    out = np.full((len(turns), len(FIGURES), machine.num_variants), np.nan)
+    figures, but first peaks are ``peak`` times as high and fall with the tenth root of the spool's time constant. The steady
+    flow swings by ``wave``, and less with the same root."""
+    out = np.full((len(turns), len(FIGURES) + 2 * swing, machine.num_variants), np.nan)
     table = valve_flow()
     for i, turn in enumerate(turns):
         side, entries = turn.direction, machine.entries
@@ -46,6 +47,7 @@ def turns_in_closed_form(machine, turns, *, peak=1.05, progress=lambda machines:
             out[i, at] = wanted / share if name == "turn_time_s" else wanted * (1.0 if name.endswith("_s") else share)
             if name == "first_peak_L_per_min":
                 out[i, at] = wanted * peak * (0.02 / entries[f"{VALVE}.spool_time_constant"].value) ** 0.1
+        out[i, len(FIGURES) :] = wave * (0.02 / entries[f"{VALVE}.spool_time_constant"].value) ** 0.1
     progress(float(machine.num_variants))
     return out
 
@@ -83,6 +85,17 @@ def test_the_most_probable_machine_gives_way_no_farther_than_figures_ask(quick):
     assert shares == sorted(shares) and shares[-1] == 1.0
     right = [found.report["single_misses_tolerances"][name] for name in RIGHT_FIGURES]
     assert max(map(abs, right)) <= 0.96
+
+
+def test_a_flow_that_swings_asks_for_damping_as_a_figure_does(quick):
+    """A wave of 2.0 %, of which 1.9 % are allowed, asks for a slower spool: by a factor (2.0/1.9)¹⁰."""
+    quick(peak=1.03, wave=0.02)
+    found = calibrate_published(Machine.load("aoro_datasheet"), **SIZES)
+    assert found.fits and found.report["largest_miss_tolerances"] == pytest.approx(0.95, abs=1e-3)
+    constant = found.machine.entries[f"{VALVE}.spool_time_constant"]
+    assert constant.value == pytest.approx(0.02 * (2.0 / 1.9) ** 10, rel=1e-2)
+    for row in found.report["swings_tolerances"].values():
+        assert list(row.values()) == pytest.approx([0.95, 0.95], abs=1e-3)
 
 
 def test_where_no_machine_has_the_figures_the_verdict_says_so(quick):

@@ -12,6 +12,7 @@ from aoro_gym.simulation.key_figures import (
     key_figures,
     key_figures_batch,
     recording_figures,
+    steady_swing_batch,
     turn_span,
     turn_start,
 )
@@ -68,6 +69,25 @@ def test_figures_of_a_made_turn(machine, direction):
     assert figures["lowest_undershoot_L_per_min"] == pytest.approx(50.0)
     assert figures["second_peak_L_per_min"] == pytest.approx(90.0)
     assert figures["steady_flow_L_per_min"] == pytest.approx(70.0)
+
+
+def test_a_wave_of_the_steady_flow_is_told_from_its_drift(cylinder):
+    """Flows that drift by 10 % a second, one with a wave of 5 % and 3 Hz that is even about the middle of the period and has
+    eight of its own there: a line does not take it for a drift, and the chain leaves of it what its gain says."""
+    frequency, waves = 3.0, (0.0, 0.05)
+    duration = 8.0 / frequency / 0.44
+    time = np.arange(0.0, duration + 3.0, 1e-3)
+    later = time - 1.0 - 0.7 * duration  # than the middle of the steady period
+    shares = [1.0 + 0.1 * later + wave * np.cos(2 * np.pi * frequency * later) for wave in waves]
+    volume = port_volume(cylinder, np.array([cylinder.half_range]), 1)[0]
+    mean = volume / (duration - 0.02 * duration**2)  # so that the turn ends when it is said to
+    angles = [poured_turn(cylinder, time, np.where(time > 1.0, mean * share, 0.0)) for share in shares]
+    ticks, angle = sample(time, np.stack(angles, axis=1))
+    for swing in steady_swing_batch(ticks, angle, cylinder).values():
+        assert swing[0] < 1e-3
+        assert swing[1] == pytest.approx(0.05 * low_pass_gain(frequency), rel=0.05)
+    still = steady_swing_batch(ticks, np.full_like(angle, -cylinder.half_range), cylinder)
+    assert all(np.isnan(swing).all() for swing in still.values())
 
 
 def test_periods_end_where_they_are_said_to(machine):

@@ -104,7 +104,7 @@ def test_ensemble_spans_its_members(result):
 
 
 def test_checks(result):
-    left, right, three_quarters, half, braked, bare, rim, mass, halved = result.checks
+    left, right, three_quarters, half, braked, bare, rim, mass, *swings, halved = result.checks
     assert (left["published"], right["published"]) == (1.98, 2.14)
     assert (braked["published"], bare["published"]) == (12.8, 4.6)
     assert (rim["published"], mass["published"]) == (0.74, 10_000)
@@ -114,6 +114,8 @@ def test_checks(result):
     for check in (left, right, three_quarters, half, braked, bare, rim, mass):
         assert check["reached"] is (abs(check["value"] - check["published"]) <= check["bound"])
     assert bare["reached"]
+    assert [check["what"][-13:] for check in swings] == [" 100 % signal", ", 75 % signal", ", 50 % signal"]
+    assert all(check["reached"] is (0.0 <= check["value"] <= 0.02) for check in swings)
     assert halved["reached"]  # the substeps are fine enough for every flow figure
 
 
