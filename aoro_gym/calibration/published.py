@@ -111,9 +111,9 @@ def calibrate_published(
     """Calibrate ``datasheet`` against the published figures.
 
     First the published procedure alone; then all uncertain parameters within their ranges against the key figures of
-    the published twin (rows ``mevea``) and its steady flow, which hardly swings: least squares from several starts, and from
-    each the most probable machine that has all figures within their tolerances (:mod:`.probable`); then likewise the right side of the valve against right
-    turns (:mod:`.right_turns`). Every search is seeded and resumes from ``folder``.
+    the published twin (rows ``mevea``) and its steady flow, which hardly swings: least squares from several starts, and
+    from each the most probable machine that has all figures within their tolerances (:mod:`.probable`); then likewise the
+    right side of the valve against right turns (:mod:`.right_turns`). Every search is seeded and resumes from ``folder``.
 
     Args:
         datasheet: Machine before any calibration; its ranges bound the search.

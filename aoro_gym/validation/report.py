@@ -188,7 +188,7 @@ def _cells(line: FigureRow) -> list[str]:
 
 
 def _check_cells(check: dict[str, Any]) -> list[str]:
-    digits = {"s": 3, "bar": 2, "m/s": 3, "kg": 0, "L/min": 1}.get(check["unit"], 0)
+    digits = {"s": 3, "bar": 2, "m/s": 3, "kg": 0, "L/min": 1, "%": 2}.get(check["unit"], 0)
     if check["published"] is None:
         value, bound = (f"{100 * n:.2f}" if n is not None else "-" for n in (check["value"], check["bound"]))
         return [check["what"], value, "-", f"≤\N{NO-BREAK SPACE}{bound}", "%"]

@@ -35,8 +35,8 @@ TARGETS: Mapping[str, tuple[str, float]] = {
 """How near the twin is to be to the published one: kind of error and its bound."""
 
 SWING_TARGET = 0.02
-"""How near, relative, the flow is to be to a straight line in the steady period: the published twin's is called steady, and a
-wave within the bound of the steady flow itself does not tell it from one that is."""
+"""How near, relative, the flow is to be to a straight line in the steady period: the published twin's is called steady, and
+a wave within the bound of the steady flow itself does not tell it from one that is."""
 TURN_TIME_TARGET = 0.01
 """How near [s] the times of full turns at full signal are to be to the machine's."""
 MOTOR_PRESSURE_TARGET = 0.02
@@ -294,7 +294,10 @@ def validate(
             *_swings(recording),
             _check(
                 "largest change of a flow figure by half the hydraulic step",
-                "1", _largest_change(recording, fine), None, HALF_STEP_TARGET,
+                "1",
+                _largest_change(recording, fine),
+                None,
+                HALF_STEP_TARGET,
             ),
         ],
         shape=_shape(recording),
@@ -439,13 +442,16 @@ def _checks(
 
 
 def _swings(recording: TurnRecording) -> list[dict[str, Any]]:
-    """How far from its straight line the flow of the first machine's left turns is in the steady period."""
+    """How far [%] from its straight line the flow of the first machine's left turns is in the steady period."""
     ticks, angle = sample(recording.time, recording.angle[:, :, 0])
     turns = [turn for turn in recording.turns if turn.direction == "left"]
-    swing = steady_swing_batch(ticks, angle[:, [recording.turns.index(turn) for turn in turns]], recording.machine.variant(0))
+    places = [recording.turns.index(turn) for turn in turns]
+    swing = steady_swing_batch(ticks, angle[:, places], recording.machine.variant(0))
+    farthest = 100.0 * np.max(list(swing.values()), axis=0)
+    bound = 100.0 * SWING_TARGET
     return [
-        _check(f"steady flow's swing, left turn, {turn.signal_percent:g} % signal", "1", _number(far), 0.0, SWING_TARGET)
-        for turn, far in zip(turns, np.max(list(swing.values()), axis=0), strict=True)
+        _check(f"steady flow's swing, left turn, {turn.signal_percent:g} % signal", "%", _number(far), 0.0, bound)
+        for turn, far in zip(turns, farthest, strict=True)
     ]
 
 

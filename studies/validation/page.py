@@ -176,9 +176,9 @@ def shape(results: Results) -> str:
 
 
 def single(results: Results) -> str:
-    """Right turns, driving pressure, rim speed and mass of all members."""
+    """Right turns, driving pressure, rim speed, mass and swings of the steady flow of all members."""
     found = {name: one["checks"] for name, one in results["members"].items()}
-    digits = {"s": 3, "bar": 2, "m/s": 3, "kg": 0, "L/min": 1, "1": 4}
+    digits = {"s": 3, "bar": 2, "m/s": 3, "kg": 0, "L/min": 1, "%": 2, "1": 4}
     rows = []
     for at, check in enumerate(found["aoro"]):
         unit = check["unit"]

@@ -115,7 +115,7 @@ def test_checks(result):
         assert check["reached"] is (abs(check["value"] - check["published"]) <= check["bound"])
     assert bare["reached"]
     assert [check["what"][-13:] for check in swings] == [" 100 % signal", ", 75 % signal", ", 50 % signal"]
-    assert all(check["reached"] is (0.0 <= check["value"] <= 0.02) for check in swings)
+    assert all(check["reached"] is (0.0 <= check["value"] <= 2.0) for check in swings)
     assert halved["reached"]  # the substeps are fine enough for every flow figure
 
 
@@ -182,6 +182,9 @@ def test_tables(result):
     for what, _, _ in SHAPE.values():
         assert what in text
     assert "104.4" in text
+    (swing,) = (check for check in result.checks if check["what"] == "steady flow's swing, left turn, 50 % signal")
+    (line,) = (line for line in text.splitlines() if swing["what"] in line)
+    assert f" {swing['value']:.2f} " in line and "±\N{NO-BREAK SPACE}2.00" in line
 
 
 def test_the_headline_names_the_machine_and_its_published_twin(result):
