@@ -25,8 +25,9 @@ from aoro_gym.calibration.progress import Work
 from aoro_gym.calibration.space import PRIOR_STD
 from aoro_gym.execution.digest import digest
 
-LIMIT = 1.9
-"""Largest residual, in half tolerances: a twentieth of a tolerance is left for rounding to six digits and to samples."""
+LIMIT = 1.88
+"""Largest residual, in half tolerances: 0.06 of a tolerance are left for rounding to six digits and to samples, between
+which the narrow first peak at 50 % signal has 0.05 of its tolerance."""
 
 PENALTY = 100.0
 """Of a residual beyond the limit, for a half tolerance. Exact where no figure's multiplier is larger: then the point of

@@ -74,28 +74,28 @@ def quick(monkeypatch):
 
 
 def test_the_most_probable_machine_gives_way_no_farther_than_figures_ask(quick):
-    """Peaks 8 % too high, of which 4.75 % are allowed, ask for a slower spool: by a factor (1.08/1.0475)¹⁰."""
+    """Peaks 8 % too high, of which 4.7 % are allowed, ask for a slower spool: by a factor (1.08/1.047)¹⁰."""
     quick(peak=1.08)
     shares = []
     found = calibrate_published(Machine.load("aoro_datasheet"), **SIZES, progress=lambda _, share: shares.append(share))
-    assert found.fits and found.report["largest_miss_tolerances"] == pytest.approx(0.95, abs=1e-3)
+    assert found.fits and found.report["largest_miss_tolerances"] == pytest.approx(0.94, abs=1e-3)
     assert found.report["leaning_on_a_bound"] == []
     constant = found.machine.entries[f"{VALVE}.spool_time_constant"]
-    assert constant.value == pytest.approx(0.02 * (1.08 / 1.0475) ** 10, rel=1e-2)
+    assert constant.value == pytest.approx(0.02 * (1.08 / 1.047) ** 10, rel=1e-2)
     assert shares == sorted(shares) and shares[-1] == 1.0
     right = [found.report["single_misses_tolerances"][name] for name in RIGHT_FIGURES]
-    assert max(map(abs, right)) <= 0.96
+    assert max(map(abs, right)) <= 0.95
 
 
 def test_a_flow_that_swings_asks_for_damping_as_a_figure_does(quick):
-    """A wave of 2.0 %, of which 1.9 % are allowed, asks for a slower spool: by a factor (2.0/1.9)¹⁰."""
+    """A wave of 2.0 %, of which 1.88 % are allowed, asks for a slower spool: by a factor (2.0/1.88)¹⁰."""
     quick(peak=1.03, wave=0.02)
     found = calibrate_published(Machine.load("aoro_datasheet"), **SIZES)
-    assert found.fits and found.report["largest_miss_tolerances"] == pytest.approx(0.95, abs=1e-3)
+    assert found.fits and found.report["largest_miss_tolerances"] == pytest.approx(0.94, abs=1e-3)
     constant = found.machine.entries[f"{VALVE}.spool_time_constant"]
-    assert constant.value == pytest.approx(0.02 * (2.0 / 1.9) ** 10, rel=1e-2)
+    assert constant.value == pytest.approx(0.02 * (2.0 / 1.88) ** 10, rel=1e-2)
     for row in found.report["swings_tolerances"].values():
-        assert list(row.values()) == pytest.approx([0.95, 0.95], abs=1e-3)
+        assert list(row.values()) == pytest.approx([0.94, 0.94], abs=1e-3)
 
 
 def test_where_no_machine_has_the_figures_the_verdict_says_so(quick):
@@ -113,7 +113,7 @@ def test_published_values_are_held_and_an_ensemble_is_drawn(quick):
         assert found.machine.entries[key].value == pytest.approx(held[key].published, rel=5e-7), key
     assert not set(found.report["held"]) & set(found.report["searched"])
     assert len(found.ensemble) == 2 and found.report["ensemble_dropped"] == []
-    assert max(abs(miss) for row in found.report["misses_tolerances"].values() for miss in row.values()) <= 0.96
+    assert max(abs(miss) for row in found.report["misses_tolerances"].values() for miss in row.values()) <= 0.95
 
 
 def test_an_interrupted_calibration_ends_as_an_uninterrupted_one(quick, tmp_path):
