@@ -35,6 +35,12 @@ def same_figures(found: dict[str, Any], kept: dict[str, Any]) -> None:
     assert found["met"] == kept["met"]
 
 
+def missed_by(found: Validation) -> dict[str, float]:
+    """Checks that are missed: by which share of the published value; a swing, told in per cent, as a share."""
+    missed = [check for check in found.checks if not check["reached"]]
+    return {one["what"]: (one["value"] - one["published"]) / (one["published"] or 100.0) for one in missed}
+
+
 @pytest.fixture(scope="module")
 def aoro() -> Machine:
     return Machine.load()
@@ -63,9 +69,9 @@ def test_the_shape_is_met_but_for_three_of_its_figures(result):
     assert missed == ["second_maximum_time_s", "third_maximum_time_s", "high_pressure_bar"]
 
 
-def test_times_pressures_right_turns_rim_and_mass_are_met_at_few_bounds(aoro, result):
-    assert len(result.checks) == 9
-    assert [check["what"] for check in result.checks if not check["reached"]] == []
+def test_times_pressures_right_turns_swings_rim_and_mass_are_met_at_few_bounds(aoro, result):
+    assert len(result.checks) == 12
+    assert missed_by(result) == {}
     assert len(at_bounds("aoro", aoro)) <= 3
 
 
@@ -83,21 +89,19 @@ def test_the_machine_of_published_inputs_holds_them_all_and_meets_every_figure()
     assert max(deviations) < 5e-7  # a share of two flows is given in seven digits
     found = validate(machine, noise_runs=0)
     assert found.reached("twin") == (21, 21) and found.shape_reached == 3
-    missed = {
-        check["what"]: check["value"] / check["published"] - 1.0 for check in found.checks if not check["reached"]
-    }
+    missed = missed_by(found)
     known = {f"mean flow of the right turn, {level} % signal": miss for level, miss in ((75, 0.041), (50, 0.064))}
+    known |= {f"steady flow's swing, left turn, {level} % signal": miss for level, miss in ((100, 0.083), (75, 0.082))}
     assert missed == pytest.approx(known, abs=5e-4)
     same_figures(figures_of_page(found), KEPT["aoro_published_inputs"])
 
 
-def test_the_machine_of_least_squares_meets_every_figure_but_turns_too_fast_to_the_right():
+def test_the_machine_of_least_squares_meets_every_figure_but_swings_and_turns_too_fast_to_the_right():
     found = validate("aoro_least_squares", noise_runs=0)
     assert found.reached("twin") == (21, 21)
-    missed = {
-        check["what"]: check["value"] / check["published"] - 1.0 for check in found.checks if not check["reached"]
-    }
+    missed = missed_by(found)
     known = {f"mean flow of the right turn, {level} % signal": miss for level, miss in ((75, 0.028), (50, 0.030))}
+    known |= {f"steady flow's swing, left turn, {level} % signal": miss for level, miss in ((75, 0.055), (50, 0.034))}
     assert missed == pytest.approx(known, abs=5e-4)  # rounded to 0.1 %
     same_figures(figures_of_page(found), KEPT["aoro_least_squares"])
 
