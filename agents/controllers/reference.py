@@ -57,26 +57,26 @@ def _loading(controller: Callable[[Loader], Policy], env: Any) -> Policy:
 LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
     "pure-pursuit": (
         PurePursuit,
-        {"drive_signal": 0.813, "look_ahead": 1.1, "gain": 2.14, "lead_time": 0.0446},
+        {"drive_signal": 0.611, "look_ahead": 2.21, "gain": 1.23, "lead_time": 0.174},
     ),
     "stanley": (
         Stanley,
-        {"drive_signal": 0.711, "heading_gain": 8.32, "cross_track_gain": 1.08, "look_ahead": 0.155, "gain": 1.31},
+        {"drive_signal": 0.636, "heading_gain": 8.05, "cross_track_gain": 0.427, "look_ahead": 1.06, "gain": 1.98},
     ),
     "preview": (
         PreviewRegulator,
-        {"drive_signal": 0.7, "heading_weight": 0.0145, "rate_weight": 0.0276, "lag": 0.036},
+        {"drive_signal": 0.786, "heading_weight": 0.0739, "rate_weight": 0.117, "lag": 0.0653},
     ),
     "preview-speed": (
         PreviewDriver,
         {
-            "heading_weight": 0.0537,
-            "rate_weight": 0.389,
-            "lag": 0.0825,
-            "largest_rate": 1.07,
-            "braking": 0.421,
-            "climbing": 0.312,
-            "fastest": 1.76,
+            "heading_weight": 0.0807,
+            "rate_weight": 0.392,
+            "lag": 0.0613,
+            "largest_rate": 1.44,
+            "braking": 0.596,
+            "climbing": 0.347,
+            "fastest": 1.67,
         },
     ),
 }

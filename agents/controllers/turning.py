@@ -28,9 +28,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = 0.0316
+    threshold: ArrayLike = 0.0636
     """[rad]"""
-    lead_time: ArrayLike = 0.0249
+    lead_time: ArrayLike = 0.0891
     """[s]"""
 
     def __post_init__(self) -> None:
@@ -56,15 +56,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 8.29
+    gain: ArrayLike = 7.08
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.00406
+    lead_time: ArrayLike = 0.00989
     """T [s]"""
-    dead_band_left: ArrayLike = 0.119
+    dead_band_left: ArrayLike = 0.0986
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.196
+    dead_band_right: ArrayLike = 0.193
     """The same to the right."""
-    rest_error: ArrayLike = 0.00418
+    rest_error: ArrayLike = 0.0037
     """[rad]"""
 
     def __post_init__(self) -> None:
