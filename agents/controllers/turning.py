@@ -1,7 +1,9 @@
 """Reference controllers for ``AORO/Turning-v0``, and the protocol that they share with learned policies.
 
 A controller sees what a policy sees, the observation, and nothing of the twin. Its gains are numbers, or arrays of
-shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.training.tuning`.
+shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.training.tuning`;
+BangBang keeps those of an earlier machine, as what is tuned on today's ``aoro`` alone settles on few others: in 19 % of 350
+episodes on perturbed ones.
 """
 
 from __future__ import annotations
@@ -28,9 +30,9 @@ class BangBang:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    threshold: ArrayLike = 0.0636
+    threshold: ArrayLike = 0.0316
     """[rad]"""
-    lead_time: ArrayLike = 0.0891
+    lead_time: ArrayLike = 0.0249
     """[s]"""
 
     def __post_init__(self) -> None:

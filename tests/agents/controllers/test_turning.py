@@ -42,9 +42,9 @@ def test_proportional_derivative_lifts_the_signal_over_the_dead_band():
 
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_gains_may_differ_between_sub_environments(kind):
-    policy: Policy = kind(LAYOUT, lead_time=np.array([0.0, 0.4]))
+    policy: Policy = kind(LAYOUT, lead_time=np.array([0.0, 0.2]))
     policy.reset()
-    actions = policy(observe([0.5, 0.5], [0.1, 0.1]))
+    actions = policy(observe([0.5, 0.5], [0.05, 0.05]))
     assert actions.shape == (2, 1)
     assert actions.dtype == np.float32
     assert actions[0] > 0.0 > actions[1]
@@ -59,19 +59,19 @@ def test_missing_observations_are_named(kind):
 @pytest.mark.parametrize("kind", CONTROLLERS)
 def test_controllers_reach_their_targets(kind):
     """The proportional one all of them. Full signal or none lets the joint swing on its oil, by half a degree to two: one
-    target in three may be left for good before it rests within the tolerance of 1° (of 350 episodes 70 % settle all)."""
+    target in ten may be left for good before it rests within the tolerance of 1°."""
     env = TurningVectorEnv(12, autoreset_mode="Disabled")
     run = rollout(env, kind(env.observation_layout), seed=100)
     found = responses(run, tolerance=TurningConfig().tolerance)
     assert len(found["step"]) >= 30
     settled = np.isfinite(found["settling_time"])
     if kind is BangBang:
-        assert settled.mean() > 0.65
+        assert settled.mean() > 0.85
     else:
         assert run.success.all() and settled.all()
     # the largest step takes about 2 s at full signal, and a controller needs little more
     assert np.quantile(found["settling_time"][settled], 0.9) < 2.5
-    assert np.nanmean(found["overshoot"]) < math.radians(2.0)  # of targets that were reached
+    assert found["overshoot"].mean() < math.radians(2.0)
     assert np.median(run.returns) > 250.0  # of 500
 
 
