@@ -56,6 +56,8 @@ class StraightDrive:
         self.pitch_inertia = float(bodies.angular_momentum(pose, turning, centre)[1])
         wheels = bodies.kinematics(pose, np.zeros(15)).wheel_center
         reach = wheels[0] - centre[0]
+        self.axles = np.array([reach[:2].mean(), reach[2:].mean()])  # [m] ahead of the centre of mass
+        self.centre_ahead = float(centre[0] - pose[0])  # of the hinge's origin
         self.wheelbase = float(reach[:2].mean() - reach[2:].mean())
         share = (
             -float(reach[2:].mean()) / self.wheelbase
