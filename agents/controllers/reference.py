@@ -80,9 +80,9 @@ LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
         },
     ),
 }
-"""Controllers of ``AORO/PathTracking-v1``, with the gains that their tuning found, to three digits: on today's ``aoro``, or, of
-Stanley's law and of the preview regulator, on ``aoro_least_squares``, since these succeed more often on the 40 paths that
-trainings are evaluated on."""
+"""Controllers of ``AORO/PathTracking-v1``, with the gains that their tuning found, to three digits: on today's ``aoro``,
+or, of Stanley's law and of the preview regulator, on ``aoro_least_squares``, since these succeed more often on the 40 paths
+that trainings are evaluated on."""
 
 REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/Turning-v0": {

@@ -300,11 +300,12 @@ def steady_lift(machine: Machine, load: float) -> tuple[float, float, float]:
 
 
 def lifted(machine: Machine, time: Floats, drops: Floats) -> Floats:
-    """Height (F,) of the hinge that linear theory has for wheels of the front and rear axle let down by ``drops`` (F, 2) [m].
+    """Height (F,) of the hinge by linear theory, for wheels of the front and rear axle let down by ``drops`` (F, 2) [m].
 
-    A body of mass m and inertia I that heaves by z and pitches by θ, nose down, on axles x_i ahead of its centre; at each, two
-    tires with k and c, and a half of the mass m_w that moves with the wheels. With w_i = z − x_i θ − d_i and F_i = −2 (k w_i +
-    c ẇ_i) its momenta p = m ż − ½ m_w Σ ḋ_i and L = I θ̇ + ½ m_w Σ x_i ḋ_i follow ṗ = Σ F_i and L̇ = −Σ x_i F_i.
+    A body of mass m and inertia I heaves by z and pitches by θ, nose down, on axles x_i ahead of its centre; at each are two
+    tires with k and c, and a half of the mass m_w that moves with the wheels. With w_i = z − x_i θ − d_i and the forces
+    F_i = −2 (k w_i + c ẇ_i) its momenta p = m ż − ½ m_w Σ ḋ_i and L = I θ̇ + ½ m_w Σ x_i ḋ_i follow ṗ = Σ F_i and
+    L̇ = −Σ x_i F_i.
     """
     body, tire, arm = StraightDrive(machine), machine.tire, machine.arm
     below = 2.0 * (machine.wheel.mass + arm.motor_mass + arm.cog_fraction * arm.mass)
