@@ -96,7 +96,7 @@ def test_changes_are_those_of_the_same_episodes(found, every, machine):
 
 def test_the_worst_for_the_best_policy_comes_first(found):
     assert found.policies[0] == "proportional-derivative"
-    assert found.worst_first[0] == "spool_lag +0.04 s"
+    assert set(found.worst_first[:2]) == {"spool_lag +0.04 s", "all parameters drawn"}
     assert set(found.worst_first) == set(CHOSEN[1:])
 
 
