@@ -15,7 +15,8 @@ SLOWEST = 0.3
 @dataclass(frozen=True)
 class PathDriver:
     """Stanley's law for a machine with an articulated joint, at a constant drive signal: what
-    :class:`aoro_gym.agents.controllers.path_tracking.Stanley` does, with the same gains, on the arrays of a task.
+    :class:`aoro_gym.agents.controllers.path_tracking.Stanley` does, on the arrays of a task. Its gains are a part of the
+    task, and stay where those of the controller are tuned anew.
 
     The joint turns to θ(κ) − ``heading_gain`` (e_ψ + atan(``cross_track_gain`` e / v)): the angle of the path's bend κ,
     less what closes the heading error e_ψ and the cross-track error e at the speed v.

@@ -253,7 +253,9 @@ def test_the_driver_is_the_reference_controllers_law():
     rng = np.random.default_rng(3)
     space = env.single_observation_space
     seen = (rng.uniform(-1.0, 1.0, (64, space.shape[0])) * np.minimum(space.high, 0.4)).astype(np.float32)
-    expected = Stanley(vehicle)(seen)
+    driver = PathDriver()
+    gains = ("heading_gain", "cross_track_gain", "look_ahead", "gain", "rest_error")
+    expected = Stanley(vehicle, **{name: getattr(driver, name) for name in gains})(seen)
     layout = env.observation_layout
 
     class View:
@@ -265,7 +267,7 @@ def test_the_driver_is_the_reference_controllers_law():
         )
 
     view: Any = View()
-    signals = PathDriver().signals(view, vehicle.preview[0], vehicle.front, vehicle.rear, vehicle.largest_angle)
+    signals = driver.signals(view, vehicle.preview[0], vehicle.front, vehicle.rear, vehicle.largest_angle)
     np.testing.assert_allclose(signals, expected, atol=1e-6)
     assert np.abs(expected[:, 0]).std() > 0.1
 
