@@ -7,8 +7,7 @@ each mode a demand, spread the demands over the corners, and lift what comes out
 
 All of them see nothing but the observation; what a driver knows of the machine stands in :class:`Stance`. Gains are numbers,
 or arrays (N,) that give every sub-environment its own. The defaults are what ``python -m aoro_gym.agents.training.tuning
---env AORO/Levelling-v0`` finds for ``aoro_least_squares``, the machine ``aoro`` until November
-2026 (seed 0, 112 candidates each), to three digits.
+--env AORO/Levelling-v0`` finds for the default machine ``aoro`` (seed 0, 112 candidates each), to three digits.
 """
 
 from __future__ import annotations
@@ -186,12 +185,12 @@ class Assistance(ModalController):
     :class:`aoro_gym.envs.path_tracking.assistance.ArmController`."""
 
     GAINS: ClassVar[Mapping[str, float]] = {
-        "share_gain": 4.49,  # [1/100 bar]
-        "share_band": 0.00775,  # [100 bar]
-        "share_time": 0.175,  # [s]
-        "level_gain": 9.85,  # [1/m]
-        "level_band": 0.00438,  # [m]
-        "height_gain": 0.349,  # [1/m]
+        "share_gain": 3.87,  # [1/100 bar]
+        "share_band": 0.00525,  # [100 bar]
+        "share_time": 0.149,  # [s]
+        "level_gain": 8.69,  # [1/m]
+        "level_band": 0.00433,  # [m]
+        "height_gain": 0.186,  # [1/m]
     }
 
     def act(self, seen: Mapping[str, Floats]) -> Actions:
@@ -212,13 +211,13 @@ class ModalPid(ModalController):
     proportional action on the height. Integrals stop where their part of the demand reaches ±0.5."""
 
     GAINS: ClassVar[Mapping[str, float]] = {
-        "level_gain": 11.2,  # [1/rad]
-        "level_time": 0.172,  # [s] derivative per proportion
-        "level_integral": 0.0585,  # [1/(rad s)]
-        "share_gain": 4.1,  # [1/100 bar]
-        "share_integral": 2.82,  # [1/(100 bar s)]
-        "height_gain": 0.382,  # [1/m]
-        "rest": 0.0519,  # [-] demand of a corner that is not worth a signal
+        "level_gain": 14.5,  # [1/rad]
+        "level_time": 0.0703,  # [s] derivative per proportion
+        "level_integral": 0.245,  # [1/(rad s)]
+        "share_gain": 4.65,  # [1/100 bar]
+        "share_integral": 0.0141,  # [1/(100 bar s)]
+        "height_gain": 1.29,  # [1/m]
+        "rest": 0.0113,  # [-] demand of a corner that is not worth a signal
     }
     MOST: ClassVar[float] = 0.5
     """Largest part of a demand that an integral makes."""
@@ -250,15 +249,15 @@ class PreviewPid(ModalPid):
     """
 
     GAINS: ClassVar[Mapping[str, float]] = {
-        "level_gain": 5.56,  # those of the PID
-        "level_time": 0.245,
-        "level_integral": 0.0736,
-        "share_gain": 2.17,
-        "share_integral": 4.06,
-        "height_gain": 1.45,
-        "rest": 0.0608,
-        "ahead_gain": 0.91,  # [-]
-        "ahead": 0.0973,  # [m]
+        "level_gain": 5.4,  # those of the PID
+        "level_time": 0.177,
+        "level_integral": 0.395,
+        "share_gain": 3.93,
+        "share_integral": 0.114,
+        "height_gain": 0.265,
+        "rest": 0.0288,
+        "ahead_gain": 0.882,  # [-]
+        "ahead": 0.0193,  # [m]
     }
 
     def __init__(self, stance: Stance, **gains: ArrayLike):
@@ -296,14 +295,14 @@ BLOCKS: Mapping[str, tuple[str, str]] = {"lateral": ("roll", "twist"), "longitud
 """Modes that move together on a machine whose left and right side are alike: what a block's state and input are of."""
 _STEPS: Mapping[str, Any] = {
     "lateral": [
-        [0.9975, 0.04645, 1.963e-05, -0.0003373, -2.075e-05, -0.00116, -8.551e-06],
-        [-0.09304, 0.8475, 0.0005752, -0.01167, -0.0009898, -0.04894, -0.0003023],
-        [-0.00834, 0.000205, 0.9854, -0.002534, -0.07601, 0.00202, -0.09151],
+        [0.9981, 0.04484, 2.085e-05, -0.0008237, -4.574e-05, -0.00116, 2.76e-05],
+        [-0.0731, 0.7791, 0.0006124, -0.03337, -0.002021, -0.04745, 0.00121],
+        [-0.00625, -0.004621, 1.009, -0.002855, -0.1537, 0.002186, -0.07771],
     ],
     "longitudinal": [
-        [0.9977, 0.04297, -7.456e-05, -0.001114, -2.71e-05, -0.0005888, -1.764e-05],
-        [-0.07996, 0.6674, -0.003133, -0.04696, -0.0005512, -0.02614, -0.0009798],
-        [-0.00184, -0.001237, 1.003, 0.0001557, -0.009416, 1.362e-05, -0.001929],
+        [0.9964, 0.04366, -0.0001218, -0.001063, 1.083e-05, -0.0005406, -6.637e-05],
+        [-0.1298, 0.6848, -0.004092, -0.04781, 0.001041, -0.02233, -0.002793],
+        [-0.001237, -0.000761, 1.003, -0.0001304, -0.009505, -0.0001043, -0.001938],
     ],
 }  # rows of (A, B) of the three motions
 
@@ -317,9 +316,8 @@ def _model(rows: Any) -> tuple[Floats, Floats]:
 
 MODEL: Mapping[str, tuple[Floats, Floats]] = {block: _model(rows) for block, rows in _STEPS.items()}
 """A (5, 5), B (5, 2) of x⁺ = A x + B u over a control step of 0.05 s, u the demands of a block's modes, x = (angle [rad],
-its rate [rad/s], twist [100 bar] or height lacking [m], the last demands (2)): the twin of
-``aoro_least_squares`` linearised about driving on level ground, by
-``python -m aoro_gym.agents.training.levelling_model``, to four digits."""
+its rate [rad/s], twist [100 bar] or height lacking [m], the last demands (2)): the twin of ``aoro`` linearised about driving
+on level ground, by ``python -m aoro_gym.agents.training.levelling_model``, to four digits."""
 
 
 class ModalRegulator(ModalController):
@@ -332,10 +330,10 @@ class ModalRegulator(ModalController):
     """
 
     GAINS: ClassVar[Mapping[str, float]] = {
-        "level_weight": 364.0,
-        "share_weight": 21.1,
-        "height_weight": 0.657,
-        "rest": 0.122,  # [-] as of the PID
+        "level_weight": 99.9,
+        "share_weight": 80.9,
+        "height_weight": 0.937,
+        "rest": 0.0218,  # [-] as of the PID
     }
 
     def __init__(self, stance: Stance, **gains: ArrayLike):

@@ -13,12 +13,12 @@ All of them see nothing but the observation; what a driver knows of the vehicle 
 numbers, or arrays (N,) that give every sub-environment its own.
 
 The defaults of PurePursuit, Stanley, PreviewRegulator and FullSpeedSteering are what ``python -m
-aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for ``aoro_least_squares``, the machine ``aoro``
-until November 2026 (seed 0, 160 candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier
-search, with which it strays less over whole paths (0.037 m against 0.053 m). The drive signal and the dead bands are
-the machine's own values. The drive signal is constant: on these paths at this speed, no slowing down was needed. For
-``-v1`` gains are those of :data:`aoro_gym.agents.controllers.reference.LIMIT_GAINS`; PreviewDriver, which slows down,
-has defaults for who knows the true errors.
+aoro_gym.agents.training.tuning --env AORO/PathTracking-v0`` finds for the default machine ``aoro`` (seed 0, 160
+candidates each), to three digits; but FullSpeedSteering keeps gains of an earlier search, with which it strays less
+over whole paths (0.035 m against 0.038 m). The drive signal and the dead bands are the machine's own values. The drive
+signal is constant: on these paths at this speed, no slowing down was needed. For ``-v1`` gains are those of
+:data:`aoro_gym.agents.controllers.reference.LIMIT_GAINS`; PreviewDriver, which slows down, has defaults for who knows the
+true errors.
 """
 
 from __future__ import annotations
@@ -238,11 +238,11 @@ def pursued_angle(seen: VehicleState, distance: ArrayLike) -> Floats:
 class PurePursuit(JointController):
     """The joint turns to where a steady turn would lead through the path, ``look_ahead`` in front of the vehicle."""
 
-    look_ahead: ArrayLike = field(default=0.891, kw_only=True)
+    look_ahead: ArrayLike = field(default=0.865, kw_only=True)
     """[m]"""
-    gain: ArrayLike = field(default=1.04, kw_only=True)
-    lead_time: ArrayLike = field(default=0.0212, kw_only=True)
-    rest_error: ArrayLike = field(default=0.0498, kw_only=True)
+    gain: ArrayLike = field(default=1.03, kw_only=True)
+    lead_time: ArrayLike = field(default=0.00478, kw_only=True)
+    rest_error: ArrayLike = field(default=0.0313, kw_only=True)
 
     def joint_angle(self, seen: VehicleState) -> Floats:
         return pursued_angle(seen, self.look_ahead)
@@ -276,14 +276,14 @@ class Stanley(JointController):
     the heading follows with the time constant (f + r) / (v ``heading_gain``).
     """
 
-    heading_gain: ArrayLike = field(default=7.98, kw_only=True)
+    heading_gain: ArrayLike = field(default=5.69, kw_only=True)
     """Joint angle per heading [-]."""
-    cross_track_gain: ArrayLike = field(default=1.09, kw_only=True)
+    cross_track_gain: ArrayLike = field(default=1.74, kw_only=True)
     """[1/s]"""
-    look_ahead: ArrayLike = field(default=0.404, kw_only=True)
+    look_ahead: ArrayLike = field(default=0.0466, kw_only=True)
     """[m]"""
-    gain: ArrayLike = field(default=1.04, kw_only=True)
-    rest_error: ArrayLike = field(default=0.0301, kw_only=True)
+    gain: ArrayLike = field(default=1.31, kw_only=True)
+    rest_error: ArrayLike = field(default=0.00625, kw_only=True)
 
     def joint_angle(self, seen: VehicleState) -> Floats:
         closing = np.arctan(np.asarray(self.cross_track_gain) * seen["cross_track"] / seen.speed)
@@ -315,13 +315,13 @@ class PreviewRegulator(PathController):
     are known as far as the preview reaches; see :func:`preview_gains`. The valve's measured curve makes the signal of u.
     """
 
-    heading_weight: ArrayLike = field(default=0.0207, kw_only=True)
+    heading_weight: ArrayLike = field(default=0.0314, kw_only=True)
     """[m²/rad²]"""
-    rate_weight: ArrayLike = field(default=0.0617, kw_only=True)
+    rate_weight: ArrayLike = field(default=0.045, kw_only=True)
     """[m² s²/rad²]"""
-    lag: ArrayLike = field(default=0.0323, kw_only=True)
+    lag: ArrayLike = field(default=0.0304, kw_only=True)
     """T: delay, spool and oil column [s]."""
-    rest_rate: ArrayLike = field(default=0.0126, kw_only=True)
+    rest_rate: ArrayLike = field(default=0.0162, kw_only=True)
     """Joint rate [rad/s] that is not worth a signal."""
 
     @cached_property

@@ -57,7 +57,7 @@ def _loading(controller: Callable[[Loader], Policy], env: Any) -> Policy:
 LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
     "pure-pursuit": (
         PurePursuit,
-        {"drive_signal": 0.813, "look_ahead": 1.1, "gain": 2.14, "lead_time": 0.0446},
+        {"drive_signal": 0.611, "look_ahead": 2.21, "gain": 1.23, "lead_time": 0.174},
     ),
     "stanley": (
         Stanley,
@@ -70,17 +70,19 @@ LIMIT_GAINS: Mapping[str, tuple[Callable[..., Policy], Mapping[str, float]]] = {
     "preview-speed": (
         PreviewDriver,
         {
-            "heading_weight": 0.0537,
-            "rate_weight": 0.389,
-            "lag": 0.0825,
-            "largest_rate": 1.07,
-            "braking": 0.421,
-            "climbing": 0.312,
-            "fastest": 1.76,
+            "heading_weight": 0.0807,
+            "rate_weight": 0.392,
+            "lag": 0.0613,
+            "largest_rate": 1.44,
+            "braking": 0.596,
+            "climbing": 0.347,
+            "fastest": 1.67,
         },
     ),
 }
-"""Controllers of ``AORO/PathTracking-v1``, with the gains that their tuning found, to three digits."""
+"""Controllers of ``AORO/PathTracking-v1``, with the gains that their tuning found, to three digits: on today's ``aoro``,
+or, of Stanley's law and of the preview regulator, on ``aoro_least_squares``, since these succeed more often on the 40 paths
+that trainings are evaluated on."""
 
 REFERENCE_POLICIES: Mapping[str, Mapping[str, Factory]] = {
     "AORO/Turning-v0": {

@@ -1,7 +1,9 @@
 """Reference controllers for ``AORO/Turning-v0``, and the protocol that they share with learned policies.
 
 A controller sees what a policy sees, the observation, and nothing of the twin. Its gains are numbers, or arrays of
-shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.training.tuning`.
+shape (N,) that give every sub-environment its own. The defaults come from :mod:`aoro_gym.agents.training.tuning`;
+BangBang keeps those of an earlier machine, as what is tuned on today's ``aoro`` alone settles on few others: in 19 % of 350
+episodes on perturbed ones.
 """
 
 from __future__ import annotations
@@ -56,15 +58,15 @@ class ProportionalDerivative:
 
     layout: Mapping[str, slice]
     """``env.unwrapped.observation_layout``"""
-    gain: ArrayLike = 8.29
+    gain: ArrayLike = 7.08
     """K: signal per error [1/rad]."""
-    lead_time: ArrayLike = 0.00406
+    lead_time: ArrayLike = 0.00989
     """T [s]"""
-    dead_band_left: ArrayLike = 0.119
+    dead_band_left: ArrayLike = 0.0986
     """Signal [-] that is skipped to the left; the machine's own dead band is ``steering.valve.dead_band_left`` / 2 V."""
-    dead_band_right: ArrayLike = 0.196
+    dead_band_right: ArrayLike = 0.193
     """The same to the right."""
-    rest_error: ArrayLike = 0.00418
+    rest_error: ArrayLike = 0.0037
     """[rad]"""
 
     def __post_init__(self) -> None:

@@ -27,22 +27,17 @@ SETTLING = 40
 """Control steps before anything counts: the machine comes to speed."""
 
 
-def linearised(
-    machines: int = 32, steps: int = 300, seed: int = 0, machine: str = "aoro"
-) -> tuple[Model, dict[str, Floats]]:
+def linearised(machines: int = 32, steps: int = 300, seed: int = 0) -> tuple[Model, dict[str, Floats]]:
     """A and B by block, and what share [-] of the variance of each of its three motions' changes over a step they explain.
 
     Args:
         machines: That drive side by side.
         steps: Control steps of each.
         seed: Of the demands.
-        machine: Its name, or its file.
     """
     quiet = LevellingRandomisation(sensor_noise=(0.0, 0.0), lateral_offset=(0.0, 0.0), heading_offset=(0.0, 0.0))
     line = Path(np.array([[0.0, 0.0], [60.0, 0.0]]))
-    env = LevellingVectorEnv(
-        machines, terrain=Plane(), path=line, machine=machine, randomisation=quiet, autoreset_mode="Disabled"
-    )
+    env = LevellingVectorEnv(machines, terrain=Plane(), path=line, randomisation=quiet, autoreset_mode="Disabled")
     stance, rng = Stance.of(env), np.random.default_rng(seed)
     observations, _ = env.reset(seed=seed)
     demands, left = np.zeros((machines, 4)), np.zeros(machines, dtype=int)

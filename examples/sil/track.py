@@ -234,9 +234,9 @@ class Path:
 
 # ---- where the machine is, and how it is steered
 
-FRONT, REAR = 1.746, 1.694  # [m] from the hinge to the axles
+FRONT, REAR = 1.774, 1.717  # [m] from the hinge to the axles
 ANTENNA = (1.0, 0.6, 2.2)  # [m] of the main antenna, in the front frame's axes, from the ground below the hinge
-RADIUS = 0.612  # [m] of the wheels, rolling
+RADIUS = 0.665  # [m] of the wheels, rolling
 LARGEST_ANGLE = math.radians(40.0)
 GPS_GAIN = {4: 0.4, 5: 0.02}  # by quality: fixed, float
 LOOK_AHEAD, GAIN, LEAD_TIME, REST_ERROR = 0.891, 1.04, 0.0212, 0.0498

@@ -64,7 +64,7 @@ def test_a_joint_beyond_its_stops_is_not_believed(good):
     angle = good.channels["joint_angle"]
     for off, left in ((0.8 * BEYOND, True), (1.2 * BEYOND, False)):
         found, said = believed(changed(good, joint_angle=angle + off))
-        assert bool(found) is left and ("the joint ends at 41.1°" in said) is not left
+        assert bool(found) is left and ("the joint ends at 42.5°" in said) is not left
 
 
 def test_motion_without_a_command_is_not_believed(good):

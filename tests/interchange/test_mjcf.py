@@ -166,11 +166,8 @@ def test_joint_turns_to_the_side_of_its_control_up_to_its_end(model, calibrated,
     heading = [np.arctan2(data.body(name).xmat[3], data.body(name).xmat[0]) for name in (BASE, REAR)]
     assert side * heading[0] > 0.0 > side * heading[1]
     step(model, data, 4.0)
-    # it rings about its end, as the twin's does, on oil and tires, and at last by no more than what its oil takes up at
-    # once: the rate over the frequency of the oil with half of a half vehicle
-    ringing = rate * np.sqrt(0.5 * 4700.0 / servo.stiffness)
-    assert ringing < 0.02
-    assert side * data.joint(JOINT).qpos[0] == pytest.approx(calibrated.joint.range, abs=ringing)
+    # it has rung about its end, as the twin's does, on oil and tires
+    assert side * data.joint(JOINT).qpos[0] == pytest.approx(calibrated.joint.range, abs=1e-3)
 
 
 @pytest.mark.parametrize("side", [1.0, -1.0])

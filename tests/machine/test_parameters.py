@@ -178,7 +178,6 @@ def test_every_parameter_is_documented(machine: Machine) -> None:
     [
         ("aoro_datasheet", None),
         ("aoro", "aoro_datasheet"),
-        ("aoro_damped", "aoro_datasheet"),
         ("aoro_least_squares", "aoro_datasheet"),
         ("aoro_published_inputs", "aoro_datasheet"),
         ("aoro_physical", "aoro_datasheet"),

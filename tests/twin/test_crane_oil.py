@@ -188,13 +188,14 @@ def test_the_steering_goes_before_the_crane():
 
 @pytest.mark.parametrize("joint", JOINTS)
 def test_each_section_moves_its_joint_either_way_as_fast_as_its_oil_lets_it(joint):
-    """q̇ = Q/(A dL/dq) by the flow that the section takes, over two swings of the slew on its oil, under a steady signal."""
+    """q̇ = Q/(A dL/dq) by the flow that the section takes, over two swings of 1.53 s of the slew on its oil, under a steady
+    signal."""
     twin = Twin(2, crane=True)
     twin.crane.place(POSE)
     twin.step({"parking_brake": 1.0}, 1.0)
-    trace = twin.step({f"crane_{joint}": np.array([0.3, -0.3])}, 3.4, sample_every=0.01)
+    trace = twin.step({f"crane_{joint}": np.array([0.3, -0.3])}, 3.9, sample_every=0.01)
     crane, i = twin.crane.crane, JOINTS.index(joint)
-    late = slice(80, 340)
+    late = slice(80, 386)
     joints = np.stack([trace[f"crane_joint_{name}"][late].mean(axis=0) for name in JOINTS])
     pistons = (None, crane.lift.cylinder, crane.fold.cylinder, crane.telescope.cylinder)
     piston = pistons[i]

@@ -97,7 +97,7 @@ def test_torques_accelerate_mass_and_wheels() -> None:
     machine = Machine.load("aoro")
     twin, torque = HubDrivenTwin(machine=machine), 2000.0
     twin.set_hubs([torque] * 4, 167.0)
-    twin.step({}, 1.0)
+    twin.step({}, 7.0)  # until the frames hardly swing any more
     before = twin.output("speed")[0]
     twin.step({}, 1.0)
     acceleration = float(twin.output("speed")[0] - before)
@@ -108,8 +108,7 @@ def test_torques_accelerate_mass_and_wheels() -> None:
         / (mass + 4.0 * float(machine.wheel.inertia_spin) / r**2)
         for r in (radius, 0.9 * radius)
     ]
-    # frames that still swing make a second's gain of speed differ by 7e-4 from the next one's
-    assert (1.0 - 1e-3) * bounds[0] <= acceleration <= bounds[1]
+    assert (1.0 - 2e-4) * bounds[0] <= acceleration <= bounds[1]
 
 
 def test_reset_holds_the_machine_on_a_slope() -> None:

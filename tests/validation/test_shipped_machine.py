@@ -63,25 +63,18 @@ def test_every_figure_of_the_published_twin_is_met(result):
     assert result.notes == []
 
 
-def test_the_shape_is_met_but_for_three_of_its_figures(result):
-    """A second wave that comes too late and is followed by the third too soon, and a driving port that swings too far."""
+def test_two_of_seven_figures_of_the_shape_are_met(result):
+    """A second wave that comes too late, after the lowest undershoot, no third, and a driving port that swings too far."""
     missed = [figure["name"] for figure in result.shape if not figure["reached"]]
-    assert missed == ["second_maximum_time_s", "third_maximum_time_s", "high_pressure_bar"]
+    assert missed == [
+        "maxima", "second_maximum_time_s", "third_maximum_time_s", "maxima_before_lowest_undershoot", "high_pressure_bar",
+    ]  # fmt: skip
 
 
-def test_times_pressures_right_turns_rim_and_mass_are_met_at_few_bounds_but_it_swings(aoro, result):
+def test_times_pressures_right_turns_swings_rim_and_mass_are_met_at_few_bounds(aoro, result):
     assert len(result.checks) == 12
-    known = {100: 0.086, 75: 0.092, 50: 0.034}
-    expected = {f"steady flow's swing, left turn, {level} % signal": miss for level, miss in known.items()}
-    assert missed_by(result) == pytest.approx(expected, abs=5e-4)
+    assert missed_by(result) == {}
     assert len(at_bounds("aoro", aoro)) <= 3
-
-
-def test_the_damped_machine_meets_every_figure_at_few_bounds():
-    machine = Machine.load("aoro_damped")
-    found = validate(machine, noise_runs=0)
-    assert found.reached("twin") == (21, 21) and missed_by(found) == {}
-    assert len(at_bounds("aoro", machine)) == 3
 
 
 def test_the_page_shows_the_figures_of_now(result):

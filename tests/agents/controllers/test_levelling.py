@@ -161,7 +161,7 @@ def test_the_regulator_minimises_its_cost():
 def test_the_model_is_the_twins():
     """Least squares over fewer steps find it again: what a demand held for 0.5 s does to each mode, within 25 %, three times
     the spread between eight seeds; the model explains most of how the angles move."""
-    found, explained = linearised(machines=12, steps=200, seed=7, machine="aoro_least_squares")
+    found, explained = linearised(machines=12, steps=200, seed=7)
     for block, (a, b) in MODEL.items():
         mine_a, mine_b = found[block]
         moved = []
