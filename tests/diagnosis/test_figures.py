@@ -66,8 +66,9 @@ def test_figures_are_those_of_a_validation():
     figures = plain["left, 100 %"]
     assert tuple(figures) == FIGURES
     exact = published.key_figures(TICK * np.arange(len(angle)), angle, MACHINE)
-    for name, values in figures.items():
-        assert values["measured"] == values["before"] == pytest.approx(exact[name], rel=2e-3), name
+    for name, values in figures.items():  # a log's stop is where it rests, which may be reached a sample later
+        sample = {"turn_time_s": TICK, "mean_flow_L_per_min": exact[name] * TICK / exact["turn_time_s"]}.get(name, 0.0)
+        assert values["measured"] == values["before"] == pytest.approx(exact[name], rel=2e-3, abs=sample), name
     once, mean = (one["left, 100 %"]["turn_time_s"] for one in (plain, both))
     assert once["measured"] is not None and once["after"] is not None and once["after"] > once["measured"]
     assert mean["measured"] == pytest.approx(once["measured"] + 1.5 * TICK)

@@ -108,10 +108,12 @@ def diagnosed(later, healthy, tmp_path_factory):
 
 
 def test_figures_are_those_that_a_calibration_sees(healthy):
-    """Turns end where the given twin's do, not at its stop: with one machine that is the same. Steps are twice as long."""
+    """Turns end where the given twin's do, not at its stop: with one machine that is the same. Steps are twice as long, so
+    what happens within one, half a step late in the mean, is felt 0.5 ms later."""
     exact = population_figures(MACHINE, [row.turn for row in healthy])[:, :, 0]
     found = np.array([[row.figures[name] for name in FIGURES] for row in healthy])
-    np.testing.assert_allclose(found, exact, rtol=1e-3)
+    for name, own, those in zip(FIGURES, found.T, exact.T, strict=True):
+        np.testing.assert_allclose(own, those, rtol=1e-3, atol=5e-4 if name == "first_peak_time_s" else 0.0, err_msg=name)
 
 
 def test_a_turn_that_does_not_end_has_no_figures():

@@ -116,11 +116,9 @@ def test_latency_shows_what_was(name):
     instant = {"columns": 12, "noise": False, "model": "mid-360"} if name == "lidar" else {"cell": 1.0}
     make = {"lidar": lidar, "height_map": height_map}[name]
     now, late, half = (driven(made(2, {name: make(**instant, latency=age)}), 8) for age in (0.0, 0.1, 0.025))
-    for step in range(2, 9):
+    for step in range(9):
         # the pulses' ages are rounded
-        np.testing.assert_allclose(late[step], now[step - 2], atol=1e-5)
-    for step in (0, 1):
-        np.testing.assert_array_equal(late[step], now[0])
+        np.testing.assert_allclose(late[step], now[max(step - 2, 0)], atol=1e-5)
     if name == "height_map":  # of level ranges, smooth in the pose
         between = 0.5 * (now[8] + now[7])
         assert np.abs(half[8] - between).max() < 0.2 * np.abs(now[8] - now[7]).max()

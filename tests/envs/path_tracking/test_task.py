@@ -82,7 +82,9 @@ def test_bends_are_seen_ahead_and_the_joint_starts_bent():
     env = make()
     observations, _ = env.reset(seed=0, options={"path": 1, "start": 8.0})
     np.testing.assert_allclose(term(env, observations, "curvature"), 0.1, rtol=0.02)
-    assert env.output("joint_angle")[0] == pytest.approx(0.34, rel=0.02)
+    frames = env.twin.machine.frame
+    wheelbase = float(frames.front.axle_distance + frames.rear.axle_distance)
+    assert env.output("joint_angle")[0] == pytest.approx(0.1 * wheelbase, rel=0.02)
     preview = term(env, observations, "preview").reshape(-1, 2)
     for (x, y), along in zip(preview, PathTrackingConfig().preview, strict=True):
         assert (x, y) == pytest.approx((10 * math.sin(along / 10), 10 - 10 * math.cos(along / 10)), abs=0.01)
