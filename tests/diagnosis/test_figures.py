@@ -66,8 +66,10 @@ def test_figures_are_those_of_a_validation():
     figures = plain["left, 100 %"]
     assert tuple(figures) == FIGURES
     exact = published.key_figures(TICK * np.arange(len(angle)), angle, MACHINE)
+    assert exact["turn_time_s"] and exact["mean_flow_L_per_min"]
+    later = TICK / exact["turn_time_s"]
     for name, values in figures.items():  # a log's stop is where it rests, which may be reached a sample later
-        sample = {"turn_time_s": TICK, "mean_flow_L_per_min": exact[name] * TICK / exact["turn_time_s"]}.get(name, 0.0)
+        sample = {"turn_time_s": TICK, "mean_flow_L_per_min": later * exact["mean_flow_L_per_min"]}.get(name, 0.0)
         assert values["measured"] == values["before"] == pytest.approx(exact[name], rel=2e-3, abs=sample), name
     once, mean = (one["left, 100 %"]["turn_time_s"] for one in (plain, both))
     assert once["measured"] is not None and once["after"] is not None and once["after"] > once["measured"]

@@ -80,8 +80,8 @@ def test_what_stands_on_a_slope_is_simulated_all_the_time(tilted):
 def test_a_replay_is_closer_to_what_converges_than_half_a_step_is_long(steps, delay, late_by):
     """Steps and substeps that are far shorter differ by less than if all came half a main step late, as what happens within
     one, blows against the stop among it, is felt at its end; by root mean squares. A command whose delay is half a step more
-    than whole ones comes by halves in two steps, and a spool whose rate is limited leaves with the first: by up to half a step
-    more."""
+    than whole ones comes by halves in two steps, and a spool whose rate is limited leaves with the first: up to half a step
+    sooner."""
     machine = MACHINE.set({"steering.valve.command_delay": delay})
     twin = Twin(1, machine=machine, main_step=FINE.main / 4.0, substeps=FINE.substeps // 2)
     for recording in BLANKS:

@@ -113,7 +113,9 @@ def test_figures_are_those_that_a_calibration_sees(healthy):
     exact = population_figures(MACHINE, [row.turn for row in healthy])[:, :, 0]
     found = np.array([[row.figures[name] for name in FIGURES] for row in healthy])
     for name, own, those in zip(FIGURES, found.T, exact.T, strict=True):
-        np.testing.assert_allclose(own, those, rtol=1e-3, atol=5e-4 if name == "first_peak_time_s" else 0.0, err_msg=name)
+        np.testing.assert_allclose(
+            own, those, rtol=1e-3, atol=5e-4 if name == "first_peak_time_s" else 0.0, err_msg=name
+        )
 
 
 def test_a_turn_that_does_not_end_has_no_figures():

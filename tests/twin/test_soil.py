@@ -110,7 +110,7 @@ def test_resistance_is_the_integral_of_the_pressure(uphill, bundled):
             left = mean.truncation().resistance
             assert low - left < resistance[wheel, twin] < high + left
             assert left < (0.02 if wheel < 2 else 0.3) * mean.exact.resistance
-    assert (resistance[2:, 0] < resistance[:2, 0] / 3.0).all()
+    assert (resistance[2:, 0] < resistance[:2, 0] / 2.0).all()
     sinkage = wheels(trace, "sinkage").mean(axis=0)
     assert (sinkage[2:] > sinkage[:2]).all()
 
@@ -160,9 +160,10 @@ def test_pull_against_slip_is_janosis_integral(uphill, bundled):
 def test_traction_pays_for_the_ruts(uphill, bundled):
     """The work of the soil's resistance over a drive is what its new ruts have taken, node by node: no free energy.
 
-    Nodes 0.1 m apart count 0.5 m of a tire of 0.53 m. Allowed is the way times what the quadrature may lack of each wheel's
-    resistance; one column of nodes, where the drive ends between two; and what rear wheels meet of the least of four nodes,
-    where the sum has each node's own: b p times the range of the rut's depth."""
+    Nodes 0.1 m apart count 0.5 or 0.6 m of a tire of 0.53 m, as they lie. Allowed is the way times what the quadrature may
+    lack of each wheel's resistance; one column of nodes, where the drive ends between two; and what rear wheels meet of the
+    least of four nodes, where the sum has each node's own: b p times the range of the rut's depth.
+    """
     twin, trace = uphill
     before = pickle.loads(pickle.dumps(twin))
     last = before.step({}, 8.0, sample_every=0.02)
@@ -173,7 +174,8 @@ def test_traction_pays_for_the_ruts(uphill, bundled):
             sum(work(bundled, z) for z in ruts.deepest[ruts.deepest > 1e-4].astype(float)) * ruts.cell**2
             for ruts in (old, new)
         ]
-        taken = (pressed[1] - pressed[0]) * width / 0.5
+        across = np.count_nonzero(new.deepest[:, new.deepest.shape[1] // 2] > 1e-4) / 2  # nodes below a tire
+        taken = (pressed[1] - pressed[0]) * width / (across * new.cell)
         force = wheels(last, "soil_resistance")[:, :, number].sum(axis=1)
         spent = trapezoid(force * last["speed"][:, number], dx=0.02)
         way = trapezoid(last["speed"][:, number], dx=0.02)
@@ -188,7 +190,7 @@ def test_traction_pays_for_the_ruts(uphill, bundled):
 
 
 def test_each_pass_sinks_less_than_the_one_before(bundled):
-    """Out and back three times in the same ruts: the last two times add less than half of what the first did."""
+    """Out and back three times in the same ruts: each time adds less, and the last two not a tenth of the first."""
     twin = Twin(machine=bundled, soil=LOAM)
     twin.reset()
     deepest = []
@@ -198,8 +200,9 @@ def test_each_pass_sinks_less_than_the_one_before(bundled):
         ruts = twin.rut_raster()
         inside = ruts.deepest[:, ruts.deepest.shape[1] // 2]  # a row of nodes across the ruts
         deepest.append(float(inside.max()))
-    gains = np.diff(deepest)
-    assert (gains >= 0.0).all() and gains[2:].max() < 0.5 * gains[:2].max() and gains[:2].max() < 0.1 * deepest[0]
+    assert (np.diff(deepest) >= 0.0).all()
+    gains = np.diff(deepest[1::2], prepend=0.0)
+    assert (np.diff(gains) < 0.0).all() and gains[1:].sum() < 0.1 * gains[0]
 
 
 def test_the_hardest_soil_is_hard_ground(bundled):

@@ -172,8 +172,9 @@ def friction_to_climb(machine, radius, loads):
 
 
 def test_wheels_climb_a_log_or_do_not_as_friction_and_diameter_let_them(bundled):
-    """Logs of 20 cm to 50 cm, with 15 % less and 15 % more friction than a rigid machine needs by :func:`friction_to_climb`:
-    what that leaves out, rolling resistance, soft tires beside the log and load that moves to the rear, is less."""
+    """Logs of 20 cm to 50 cm, with a fifth less and a fifth more friction than a rigid machine needs by
+    :func:`friction_to_climb`: what that leaves out, rolling resistance, soft tires beside the log and load that moves to
+    the rear, is less."""
     radii, x = (0.1, 0.15, 0.2, 0.25), 2.6
     twin = Twin(2 * len(radii), machine=bundled, terrain=[World(FLAT, (log_across(x, r),)) for r in radii])
     twin.reset(terrain=np.repeat(np.arange(len(radii)), 2))
@@ -181,7 +182,7 @@ def test_wheels_climb_a_log_or_do_not_as_friction_and_diameter_let_them(bundled)
     loads = [sum(twin.output(f"wheel_load_{wheel}")[0] for wheel in axle) for axle in (WHEELS[:2], WHEELS[2:])]
     needed = np.array([friction_to_climb(bundled, r, loads) for r in radii])
     assert (np.diff(needed) > 0.05).all()
-    twin.set_ground(np.arange(2 * len(radii)), friction=np.outer(needed, (0.85, 1.15)).ravel())
+    twin.set_ground(np.arange(2 * len(radii)), friction=np.outer(needed, (0.8, 1.2)).ravel())
     twin.step({"drive_signal": 0.25}, 12.0)
     over = twin.output("position_x") > x - bundled.frame.front.axle_distance
     assert over.tolist() == len(radii) * [False, True]
