@@ -46,6 +46,8 @@ MAIN_STEPS = ((2e-3, 60), (1e-3, 30), (5e-4, 15), (2e-3, 600), (1e-3, 300), (5e-
 """Main steps with hydraulic ones of 33 µs, and of 3.3 µs, where the main step's own error shows."""
 HALVED = ((2e-3, 30), (1e-3, 30), (5e-4, 30), (2.5e-4, 30), (1.25e-4, 30))
 """Both steps halved from line to line."""
+WHOLE_DELAY = 0.012
+"""Delay [s] of the command that is a whole number of every main step: one that is not spreads a step over two of them."""
 CHANNELS = ("joint_angle", "joint_flow", "pressure_a", "pressure_b", "pump_pressure")
 BAR, LITRE_PER_MINUTE = 1e5, 1.0 / 6e4
 
@@ -209,18 +211,25 @@ def main() -> None:
         "reference": deviation(coarser, reference, machine),
         "figures": each_figure(kinds, machine, reference),
     }
-    tables = {"substeps": [(1e-3, n) for n in SUBSTEPS], "main_step": MAIN_STEPS, "both_halved": HALVED}
-    for name, steps in tables.items():
+    whole = machine.set({"steering.valve.command_delay": WHOLE_DELAY}, si=True)
+    tables = {
+        "substeps": (machine, [(1e-3, n) for n in SUBSTEPS]),
+        "main_step": (machine, MAIN_STEPS),
+        "both_halved": (machine, HALVED),
+        "both_halved_whole_delay": (whole, HALVED),
+    }
+    for name, (one, steps) in tables.items():
         result[name] = []
-        for one in steps:
-            row = compare(kinds, machine, one, reference)
+        finest = reference if one is machine else turns(kinds["float64"], one, *FINEST)
+        for pair in steps:
+            row = compare(kinds, one, pair, finest)
             result[name].append(row)
             print(f"{name}: {row['main_step_ms']:g} ms, {row['substeps']} substeps", file=sys.stderr)
             for kind in (*kinds, "rounding"):
                 text = "  ".join(f"{key} {value:.3g}" for key, value in row[kind].items() if key != "which")
                 print(f"  {kind:9} {text}  ({row[kind]['which']})", file=sys.stderr)
     result["orders"] = {
-        what: orders(result["both_halved"], what) for what in ("figure", "port_bar_peak", "port_bar_rms")
+        what: orders(result["both_halved_whole_delay"], what) for what in ("figure", "port_bar_peak", "port_bar_rms")
     }
     print(result["reference"], result["orders"], file=sys.stderr)
     if args.json:

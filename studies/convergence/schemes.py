@@ -3,7 +3,8 @@
     python -m studies.convergence.schemes --json studies/convergence/schemes.json
 
 Each is an edit of the twin's sources, built in float64 (:mod:`studies.convergence.precision`) and held against the twin's
-own step at 1 µs, for the shipped machine, with free gas, with mounts and play, and with stiff hoses.
+own step at 1 µs, for the shipped machine, with free gas, with mounts and play, and with stiff hoses. The command's delay is
+a whole number of main steps, since what one between them is off would hide the oil's part.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from typing import Any
 from aoro_gym.execution.files import write_json
 from aoro_gym.machine import Machine
 from studies.convergence.precision import Edit, build
-from studies.convergence.run import deviation, turns
+from studies.convergence.run import WHOLE_DELAY, deviation, turns
 
 SUBSTEPS = (10, 15, 20, 30)
 FINEST = (1.25e-4, 125)
@@ -115,7 +116,8 @@ def main() -> None:
     for name, values in MACHINES.items():
         if args.only not in (None, name):
             continue
-        machine = Machine.load("aoro").set(values, si=True, check_ranges=False)
+        delayed = {"steering.valve.command_delay": WHOLE_DELAY}
+        machine = Machine.load("aoro").set(delayed | dict(values), si=True, check_ranges=False)
         reference = turns(kinds["explicit"], machine, *FINEST)
         for scheme, kind in kinds.items():
             for substeps in SUBSTEPS:
