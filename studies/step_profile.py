@@ -111,7 +111,19 @@ def environment(
             parts["twins"] = partial(other.twin.advance, other.task.control_step, sample_every=other.task.sample_step)
             parts["twins and kernels"] = partial(advanced.run, other.arrays.asarray(act, other.arrays.xp.float32))
         _settle(env, actions)  # after the copy, before which what was drawn is given back
-    return timed(parts, device, seconds)
+    found = timed(parts, device, seconds)
+    if device.startswith("cuda") and env._kernel_step is not None:
+        found["from a launch to its flags, episodes that begin included"] = _launched(env, actions)
+    return found
+
+
+def _launched(env: Any, actions: Iterator[Any], count: int = 200) -> float:
+    """Mean time [µs] of ``count`` steps that a GPU takes for what it is asked for before the host waits."""
+    times = []
+    for _ in range(count):
+        env.step(next(actions))
+        times.append(1e6 * env._kernel_step.seconds)
+    return statistics.mean(times)
 
 
 def _settle(env: Any, actions: Iterator[Any]) -> None:

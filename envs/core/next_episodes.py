@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from aoro_gym.envs.core.kernels.beginning import Drawn
 from aoro_gym.execution.array_api import Array
 from aoro_gym.execution.scatter import RowWrites
 from aoro_gym.execution.streams import Generators
+from aoro_gym.execution.uploads import Uploads
 
 AT_ONCE = 64
 """Least number of episodes that are drawn together; that many of thousands may go without one that is ready."""
@@ -54,6 +56,8 @@ class NextEpisodes:
         self._writes: RowWrites | None = None  # None: nothing is there on the device
         self._replaced = False  # whether what was drawn is for arrays that are used no more
         self._on_device: dict[str, Array] = {}  # see Drawn
+        self._uploads: Uploads | None = None  # of the bits there
+        self._sent: list[Array] = []  # whose bits are on their way
 
     @property
     def ready(self) -> NDArray[np.bool_]:
@@ -62,13 +66,19 @@ class NextEpisodes:
         return self._ready
 
     def draw(self, env: Any, needed: NDArray[np.intp] | None = None) -> int:
-        """Draw a batch of episodes, if so many are missing; gives how many it drew.
+        """Draw a batch of episodes, if so many are missing, for what follows; gives how many it drew.
 
         Args:
             env: The :class:`~aoro_gym.envs.core.vector.TwinVectorEnv`.
             needed: Sub-environments that wait for theirs, which are drawn at once; what is drawn together costs little
                 more with those of others.
         """
+        drawn = self._draw(env, needed)
+        self._arrive()
+        return drawn
+
+    def _draw(self, env: Any, needed: NDArray[np.intp] | None = None) -> int:
+        """What :meth:`draw` does, but that nothing may begin them before :meth:`_arrive`."""
         missing = ~self.ready
         if not env.task.randomisation.varies_machine:
             missing &= ~env._machine_changed  # these get the machine of all back
@@ -98,13 +108,18 @@ class NextEpisodes:
                 self._drawing.give_back(rows)
                 return 0
         self._drawing.drawn(rows, generators)
-        index, bits = env.arrays.uploaded(rows), self._on_device["bits"]
-        here = env.arrays.pinned((len(rows), bits.shape[1]), bits.dtype)
-        self._writes.fill(here.numpy(), values)
-        bits.index_copy_(0, index, here.to(bits.device, non_blocking=True))
-        self._on_device["ready"].index_fill_(0, index, True)
+        assert self._uploads is not None
+        self._sent.append(self._uploads.send(self._on_device["bits"], rows, partial(self._writes.fill, values=values)))
         self.ready[rows] = True
         return len(rows)
+
+    def _arrive(self) -> None:
+        """Let launches that follow begin all that is drawn."""
+        if self._sent and self._uploads is not None:
+            self._uploads.arrive(*self._sent)
+            for index in self._sent:
+                self._on_device["ready"].index_fill_(0, index, True)
+            self._sent.clear()
 
     def _memory_of(self, env: Any) -> tuple[Any, ...]:
         if not self._memory:
@@ -123,6 +138,8 @@ class NextEpisodes:
         }
         for name, array in self._on_device.items():
             setattr(drawn, name, arrays.shared(array))
+        self._uploads = Uploads(arrays)
+        self._uploads.follow()
         env._kernel_step.take_drawn(drawn, in_step=self._in_step)
 
     def draw_during(self, env: Any, step: Any) -> None:
@@ -133,13 +150,14 @@ class NextEpisodes:
             step: Its :class:`~aoro_gym.envs.core.kernel_step.KernelStep`.
         """
         began, spent, fits = time.perf_counter(), 0.0, True
-        while fits and (drawn := self.draw(env)):
+        while fits and (drawn := self._draw(env)):
             before, spent = spent, time.perf_counter() - began
             last, seconds = spent - before, step.seconds
             if drawn == self._most >= MOST:
                 more, less = step.computing and 2.0 * last <= seconds, last > seconds
                 self._most = min(2 * drawn, LIMIT) if more else max(drawn // 2, MOST) if less else drawn
             fits = step.computing and spent + last <= seconds
+        self._arrive()
 
     def launched(self) -> None:
         """The launches of a step have been asked for, which begin those episodes that are ready now."""
@@ -213,6 +231,8 @@ class NextEpisodes:
         env._kernel_step.begin(env.arrays.index(rows))
         if env.task.randomisation.varies_machine:
             env._machine_changed[rows] = True
+        if self._uploads is not None:
+            self._uploads.follow()  # the bits of others come to where theirs are read
         env._rested_in_kernels(rows)
         self.ready[rows] = False
         self._drawing.used(rows)

@@ -9,6 +9,7 @@ from typing import Any
 import gymnasium
 import numpy as np
 import pytest
+import warp as wp
 
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core import drawing, next_episodes, vector
@@ -102,6 +103,10 @@ def test_drawn_ahead_is_drawn_then(name, options, begun):
     assert len(begun) >= NUMBER
 
 
+def on_host(value: Any) -> np.ndarray:
+    return np.asarray(value.cpu() if hasattr(value, "cpu") else value)
+
+
 def same(one: Any, other: Any, name: str = "") -> None:
     """To the bit, of what is nested, too."""
     if isinstance(one, dict):
@@ -109,7 +114,7 @@ def same(one: Any, other: Any, name: str = "") -> None:
         for key, value in one.items():
             same(value, other[key], key)
         return
-    one, other = np.asarray(one), np.asarray(other)
+    one, other = on_host(one), on_host(other)
     assert one.dtype == other.dtype and one.shape == other.shape, name
     if one.dtype == object:
         assert [each is None for each in one] == [each is None for each in other], name
@@ -137,7 +142,7 @@ def all_agree(in_step: Any, by_host: Any, count: int, seed: int = 1) -> int:
         one, other = in_step.step(actions), by_host.step(actions)
         for left, right in zip(one, other, strict=True):
             same(left, right)
-        ended += int(np.asarray(other[2] | other[3]).sum())
+        ended += int(on_host(other[2] | other[3]).sum())
     assert in_step._kernel_step.begins and not by_host._kernel_step.begins
     states = ([generator.bit_generator.state for generator in env.generators] for env in (in_step, by_host))
     for env in (in_step, by_host):
@@ -174,6 +179,15 @@ def test_launches_begin_what_the_host_would(case, brought, count, monkeypatch):
         options = {**options, "output": "numpy"}
     in_step, by_host = two_ways(name, **options)
     assert all_agree(in_step, by_host, count) >= 2 * NUMBER
+
+
+@pytest.mark.skipif(not wp.is_cuda_available(), reason="needs a CUDA device")
+@pytest.mark.parametrize("case", ENDINGS)
+@pytest.mark.parametrize("number", [NUMBER, 600])
+@both_ways
+def test_launches_of_a_gpu_begin_what_the_host_would(case, number):
+    name, options = ENDINGS[case]
+    assert all_agree(*two_ways(name, **options, num_envs=number, device="cuda:0"), 16) >= 2 * NUMBER
 
 
 def test_what_is_handed_out_lasts():
@@ -356,7 +370,7 @@ def test_batches_grow_while_two_fit_into_a_step(took, computing, sizes, monkeypa
         drawn.append(following._most)
         return following._most
 
-    monkeypatch.setattr(following, "draw", draw)
+    monkeypatch.setattr(following, "_draw", draw)
     monkeypatch.setattr(next_episodes, "time", SimpleNamespace(perf_counter=lambda: clock[0]))
     following.draw_during(None, SimpleNamespace(computing=computing, seconds=8.0))
     assert drawn[: len(sizes)] == sizes and clock[0] <= max(8.0, took)
