@@ -20,14 +20,13 @@ from pathlib import Path
 import numpy as np
 
 from aoro_gym.diagnosis.network import hypotheses
-from aoro_gym.diagnosis.network.cases import case_of, posteriors, tokens_of
 from aoro_gym.diagnosis.network.decision import SENSOR_SETS, Calibration, as_dict, calibrated, decide, widening_of
-from aoro_gym.diagnosis.network.forward import TRAINED, Weights
+from aoro_gym.diagnosis.network.forward import TRAINED
 from aoro_gym.diagnosis_benchmark.judge.plants import Plants
 from aoro_gym.diagnosis_benchmark.judge.suite import JudgedCase, Plan
 from aoro_gym.effects.catalogue import EFFECTS, IDS
-from aoro_gym.execution.digest import Contents, digest
-from aoro_gym.execution.files import write_json, write_text, written_whole
+from aoro_gym.execution.files import write_json, write_text
+from studies.development.answers import said
 from studies.development.cases import (
     COMPONENT,
     DEVICE_TOGETHER,
@@ -35,7 +34,6 @@ from studies.development.cases import (
     LAYERED,
     SIZE_UNITS,
     TOGETHER,
-    kept,
     magnitudes,
     opened,
     planned,
@@ -44,49 +42,12 @@ from studies.development.cases import (
 from studies.development.rates import ROWS, Decided, Rate, rates
 from studies.development.teachers import unbiased
 
-BATCH = 16
-"""Cases that networks are asked about together."""
-
 
 def truth_of(case: JudgedCase) -> int:
     """Number of the true hypothesis."""
     numbers = [IDS.index(name) for name in case.effects]
     effects = np.array([*numbers, -1, -1][:2])
     return int(hypotheses.number_of(effects, np.array(case.kind == "outside")))
-
-
-def said(
-    folder: Path, files: Sequence[Path], made: Plan, plants: Plants, sensors: str
-) -> tuple[np.ndarray, np.ndarray]:
-    """Probabilities of the hypotheses (N, hypotheses) and quantiles of sizes [SI] (N, effects, quantiles) for a family's
-    cases, in the plan's order; where the folder has none, cases are simulated and the networks asked.
-
-    Args:
-        folder: Keeps cases and answers.
-        files: Of the networks, whose mean is said.
-        made: The plan.
-        plants: The family.
-        sensors: Name of the set of channels that networks are shown.
-    """
-    networks, weights = digest(*map(Contents, files)), [Weights.load(file) for file in files]
-    path = folder / f"said_{made.digest[:8]}_{networks[:8]}_{plants.name}_{sensors}.npz"
-    if not path.exists():
-        shown = [one.with_channels(SENSOR_SETS[sensors]) for one in kept(folder, made, plants)]
-        found: tuple[list[np.ndarray], list[np.ndarray]] = [], []
-        for first in range(0, len(shown), BATCH):
-            part = [case_of(one.later, one.healthy) for one in shown[first : first + BATCH]]
-            tokens = tokens_of(weights, np.concatenate([one.rows for one in part]))
-            ends = np.cumsum([len(one.rows) for one in part]).tolist()
-            for end, one in zip(ends, part, strict=True):
-                own = [kept_tokens[None, end - len(one.rows) : end] for kept_tokens in tokens]
-                for kept_answers, answer in zip(found, posteriors(weights, own), strict=True):
-                    kept_answers.append(answer[0])
-            print(f"{path.stem}: {min(first + BATCH, len(shown))} of {len(shown)} cases", flush=True)
-        with written_whole(path) as temporary:
-            probabilities, quantiles = (np.array(one, dtype=np.float32) for one in found)
-            np.savez(temporary, allow_pickle=False, probabilities=probabilities, quantiles=quantiles)
-    with np.load(path) as answers:
-        return answers["probabilities"].astype(np.float64), answers["quantiles"].astype(np.float64)
 
 
 def true_sizes(made: Plan, plants: Plants) -> list[dict[str, float]]:
@@ -178,7 +139,12 @@ def main() -> None:
         "--networks", type=Path, default=TRAINED, help="folder of networks; those of the package by default"
     )
     parser.add_argument("--device", default="cpu", help="that simulates plants")
-    parser.add_argument("--workers", type=int, default=1, help="that simulate a family each")
+    parser.add_argument(
+        "--workers",
+        type=int,
+        default=1,
+        help="that simulate a family each, then ask networks of it, a set of sensors each",
+    )
     parser.add_argument("--cases", type=int, help="of each plan, to try the study out; all by default")
     parser.add_argument("--write", action="store_true", help="calibrate the networks")
     options = parser.parse_args()
@@ -196,6 +162,14 @@ def main() -> None:
         ]
         for number, one in enumerate(asked):
             print(f"{one.result().name}: {number + 1} of {len(asked)} families", flush=True)
+        answers = {
+            name: [
+                pool.submit(said, options.folder, unbiased(options.networks, plants.name), made, plants, name)
+                for made, several in plans
+                for plants in several
+            ]
+            for name in SENSOR_SETS
+        }
     cases = [case for made, several in plans for plants in several for case in made.cases if case.family == plants.name]
     truth, family = np.array([truth_of(one) for one in cases]), np.array([one.family for one in cases])
     sizes = [size for made, several in plans for plants in several for size in true_sizes(made, plants)]
@@ -204,11 +178,7 @@ def main() -> None:
     found: dict[str, Calibration] = {}
     by_set: dict[str, dict[str, dict[str, Rate]]] = {}
     for name in SENSOR_SETS:
-        parts = [
-            said(options.folder, unbiased(options.networks, plants.name), made, plants, name)
-            for made, several in plans
-            for plants in several
-        ]
+        parts = [one.result() for one in answers[name]]
         probabilities, quantiles = (np.concatenate(part) for part in zip(*parts, strict=True))
         decided = left_out(cases, probabilities, truth)
         by_set[name] = {
