@@ -150,7 +150,7 @@ class DeviceEnv:
         return Normalisation(mean, variance, self._epsilon, self._clip_obs)
 
     def start_from(self, normalisation: Normalisation | None) -> None:
-        """Normalise observations as a policy that is learned on from has learned to; hardly changed by new ones."""
+        """Normalise observations as a policy that is learned on from has learned to, whatever is observed from now on."""
         if self._seen is not None and normalisation is not None:
             mean, variance = (torch.from_numpy(one.copy()) for one in (normalisation.mean, normalisation.variance))
             self._seen.restore({"mean": mean, "variance": variance, "count": KNOWN})
