@@ -10,7 +10,7 @@ import numpy as np
 from aoro_gym.agents.policies.policy import ACTIVATIONS, LearnedPolicy, Normalisation
 
 KNOWN = 1e18
-"""Observations that a policy to start from counts as having seen: its normalisation, which its weights are made for, stays."""
+"""Observations that a policy to start from counts as having seen: the normalisation that its weights are made for stays."""
 
 
 def of_stable_baselines3(policy: Any, normaliser: Any = None, **about: Any) -> LearnedPolicy:
