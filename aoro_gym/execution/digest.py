@@ -21,6 +21,7 @@ from functools import cache, cached_property, partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path, PurePath
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -336,8 +337,17 @@ def _is_of_package(value: Any) -> bool:
     return f"{value.__module__}.".startswith(PACKAGE)
 
 
+_known_sources: WeakKeyDictionary[Any, bytes] = WeakKeyDictionary()
+"""Sources that were asked for: of thousands of objects each names that of its class, and a module is parsed to find it."""
+
+
 def _source(value: Any) -> bytes:
-    try:
-        return inspect.getsource(value).encode()
-    except (OSError, TypeError):  # typed at a prompt, or compiled
-        return b""
+    """The source of a class or function, as it was when it was first asked for; empty where there is none."""
+    found = _known_sources.get(value)
+    if found is None:
+        try:
+            found = inspect.getsource(value).encode()
+        except (OSError, TypeError):  # typed at a prompt, or compiled
+            found = b""
+        _known_sources[value] = found
+    return found
