@@ -19,11 +19,11 @@ from __future__ import annotations
 import heapq
 import math
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from aoro_gym.checks import check_range
@@ -81,6 +81,13 @@ class CostMap:
         row, column = self.node(*goal)
         if not (0 <= row < rows and 0 <= column < columns):
             raise ValueError(f"goal is ({goal[0]:g}, {goal[1]:g}) m, but must lie in the map; make the map larger")
+        found = dijkstra(self._graph, directed=False, indices=row * columns + column)
+        return np.asarray(found, dtype=np.float64).reshape(rows, columns)
+
+    @cached_property
+    def _graph(self) -> csr_matrix:
+        """What a step from node to node costs, of all that are neighbours in eight directions."""
+        rows, columns = self.cost.shape
         number = np.arange(rows * columns).reshape(rows, columns)
         one, two, price = [], [], []
         for step_row, step_column in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -93,9 +100,7 @@ class CostMap:
             two.append(number[there][known])
             price.append(value[known])
         edges = np.concatenate(price), (np.concatenate(one), np.concatenate(two))
-        graph = coo_matrix(edges, shape=(rows * columns, rows * columns)).tocsr()
-        found = dijkstra(graph, directed=False, indices=row * columns + column)
-        return np.asarray(found, dtype=np.float64).reshape(rows, columns)
+        return coo_matrix(edges, shape=(rows * columns, rows * columns)).tocsr()
 
 
 @cache

@@ -100,9 +100,27 @@ def traversability(world: World) -> Traversability:
     return Traversability(heights.corner, room, np.asarray(price, dtype=np.float64))
 
 
+BLOCK = 12
+"""Nodes along the side of a block whose nearest objects are looked for together."""
+
+
 def _apart(world: World, x: Array, y: Array) -> Array:
     """Distance [m] (rows, columns) of nodes to the nearest edge of a solid object; below 0 inside of it."""
     found = np.full((len(y), len(x)), np.inf)
-    for middle_x, middle_y, radius in circles(world):
-        np.minimum(found, np.hypot((y - middle_y)[:, None], (x - middle_x)[None]) - radius, out=found)
+    solid = circles(world)
+    if not len(solid):
+        return found
+    for row in range(0, len(y), BLOCK):
+        for column in range(0, len(x), BLOCK):
+            here = x[column : column + BLOCK], y[row : row + BLOCK]
+            middle_x, middle_y, radius = _nearest(solid, *here).T
+            away = np.hypot(here[1][:, None, None] - middle_y, here[0][None, :, None] - middle_x) - radius
+            found[row : row + BLOCK, column : column + BLOCK] = away.min(axis=-1)
     return found
+
+
+def _nearest(solid: Array, x: Array, y: Array) -> Array:
+    """Of circles (K, 3), those that may be the nearest one to a node of a block: by more than the block's diagonal no node's
+    distance to a circle differs from its middle's."""
+    away = np.hypot(0.5 * (x[0] + x[-1]) - solid[:, 0], 0.5 * (y[0] + y[-1]) - solid[:, 1]) - solid[:, 2]
+    return solid[away <= away.min() + np.hypot(x[-1] - x[0], y[-1] - y[0]) + 1e-6]

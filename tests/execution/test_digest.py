@@ -1,6 +1,7 @@
 """Equal inputs have equal digests, and different ones have different ones."""
 
 import importlib.util
+import inspect
 import itertools
 import linecache
 import shutil
@@ -260,6 +261,23 @@ def test_deep_nesting_is_refused():
         nested = [nested]
     with pytest.raises(TypeError, match="nested too deeply"):
         digest(nested)
+
+
+def test_the_source_of_a_class_is_read_once_for_all_of_its_objects(monkeypatch):
+    """A world has hundreds of objects of a few classes, and to read a source its module is parsed."""
+
+    @dataclass(frozen=True)
+    class Stone:
+        size: float
+
+    read = []
+    of = inspect.getsource
+    monkeypatch.setattr(inspect, "getsource", lambda value: read.append(value) or of(value))
+    stones = [Stone(0.5 * k) for k in range(300)]
+    first = digest(stones)
+    assert read.count(Stone) == 1
+    assert digest(stones) == first != digest([*stones[:-1], Stone(1.0)])
+    assert read.count(Stone) == 1
 
 
 def test_tensors_count_by_their_values():
