@@ -12,7 +12,7 @@ once by array operations, on a GPU, too. It looks 4.5 m ahead, so it drives into
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -58,14 +58,22 @@ class Maps:
         courses: The task's, all of one size.
         inflation: Least distance [m] to what stops a machine.
         arrays: Where they lie.
+        progress: Called with the share of the worlds that are drawn.
 
     Raises ValueError where a course is no world.
     """
 
-    def __init__(self, courses: Sequence[Course], inflation: float, arrays: Arrays):
+    def __init__(
+        self,
+        courses: Sequence[Course],
+        inflation: float,
+        arrays: Arrays,
+        progress: Callable[[float], Any] = lambda share: None,
+    ):
         self.arrays = arrays
         self._costs: list[CostMap] = []
         for number, course in enumerate(courses):
+            progress(number / len(courses))
             if course.world is None:
                 raise ValueError(f"course {number} is no world: there is no map to plan on; take another controller")
             ground = traversability(course.world)
@@ -236,17 +244,22 @@ class ArcPlanner(Pursuit):
         """The same in the worlds of another environment."""
         return replace(self, env=env)
 
+    def prepare(self, progress: Callable[[float], Any] = lambda share: None) -> None:
+        """Draw the maps of all worlds, as the first step does otherwise; ``progress`` is called with the share done."""
+        if self._maps is None:
+            vector = environment_of(self.env)
+            self._maps = Maps(vector.task.courses, own_gain(self.inflation, 0), vector.arrays, progress)
+
     def __call__(self, observations: Observations) -> Actions:
         actions = super().__call__(observations)
         actions[:, 1] = np.where(self._reversing, -np.abs(actions[:, 1]), actions[:, 1])
         return actions
 
     def target(self, seen: Seen) -> Floats:
-        vector = environment_of(self.env)
-        if self._maps is None:
-            self._maps = Maps(vector.task.courses, own_gain(self.inflation, 0), vector.arrays)
+        self.prepare()
         maps = self._maps
-        courses, goals = vector.task.runs()
+        assert maps is not None
+        courses, goals = environment_of(self.env).task.runs()
         numbers = maps.of(courses, goals)
         places = np.column_stack([maps.nodes(seen.place + goals), seen.heading])
         goals = maps.nodes(goals)

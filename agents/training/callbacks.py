@@ -24,6 +24,8 @@ class Progress:
     success: float
     """Share of them."""
     doing: str
+    part: float | None = None
+    """Share of what is being done before the first step; None while steps are."""
 
 
 class StepCounter:
@@ -82,8 +84,8 @@ class ProgressCallback:
         if time.perf_counter() - self._told >= self._every:
             self.report("learning")
 
-    def report(self, doing: str) -> None:
-        """Tell where the training stands, and what is being done."""
+    def report(self, doing: str, part: float | None = None) -> None:
+        """Tell where the training stands, and what is being done; ``part``: which share of it."""
         self._told = time.perf_counter()
         rate = (self._clock.done - self._first) / max(self._told - self._began, 1e-9)
-        self._tell(Progress(self._clock.done, self._clock.total, rate, *self._episodes(), doing))
+        self._tell(Progress(self._clock.done, self._clock.total, rate, *self._episodes(), doing, part))

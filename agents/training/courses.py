@@ -8,6 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.envs.core.ray_sensing import looks_back
+from aoro_gym.envs.core.vector import TwinVectorEnv
 from aoro_gym.envs.forest_run import courses as forest_run
 from aoro_gym.envs.levelling import courses as levelling
 from aoro_gym.envs.limit_tracking import courses as limit_tracking
@@ -69,6 +71,22 @@ def made_courses(
         _grow(count, progress)
     made = {LEVELLING: levelling, LIMITS: limit_tracking, FOREST_RUN: forest_run}[env]
     return made.learned_courses(count), made.validation_courses()
+
+
+def meet_worlds(
+    courses: Sequence[Any] | None, envs: TwinVectorEnv, progress: Callable[[float], Any] = lambda share: None
+) -> None:
+    """Make what the rays of an environment meet in all worlds, where it casts some, as the first episodes there do otherwise.
+    ``progress`` is called with the share that is made."""
+    if looks_back(envs.task.observation_terms) is None:
+        return
+    from aoro_gym.envs.core.ray_scenes import scene_of  # most environments cast none
+
+    worlds = [one for one in courses or () if isinstance(one, Course) and one.world is not None]
+    with envs.arrays.ordered():
+        for number, course in enumerate(worlds):
+            progress(number / len(worlds))
+            scene_of(course.surroundings, str(envs.arrays.device))
 
 
 def _grow(count: int, progress: Callable[[float], Any]) -> None:

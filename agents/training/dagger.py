@@ -24,6 +24,7 @@ import torch  # pyright: ignore[reportMissingImports]
 from numpy.typing import NDArray
 
 from aoro_gym.agents.controllers.exact import EXACT, exact_observations
+from aoro_gym.agents.controllers.forest_arcs import ArcPlanner
 from aoro_gym.agents.controllers.levelling import ModalController
 from aoro_gym.agents.controllers.privileged import PRIVILEGED_POLICIES
 from aoro_gym.agents.controllers.reference import reference_policy
@@ -138,6 +139,7 @@ class Dagger:
             self._last_observations = self._env.reset()
         if self._last_observations is None:
             raise ValueError("seed is None, but there are no running episodes to go on with; give a seed")
+        prepare(self._teacher, callback)
         end = self.steps + steps
         while self.steps < end:
             rollout = min(self._asked.n_steps, math.ceil((end - self.steps) / self.envs.num_envs))
@@ -275,6 +277,12 @@ def least_deviations(envs: TwinVectorEnv) -> NDArray[np.float64]:
     for name, term in envs.task.observation_terms.items():
         out[envs.observation_layout[name]] = getattr(term.function, "least_deviation", 0.0)
     return out
+
+
+def prepare(teacher: Policy, callback: ProgressCallback) -> None:
+    """Let a teacher that has maps draw them, and tell of it."""
+    if isinstance(teacher, ArcPlanner):
+        teacher.prepare(lambda share: callback.report("drawing the teacher's maps", share))
 
 
 def teacher_of(env: str, asked: Hyperparams, envs: TwinVectorEnv) -> Policy:

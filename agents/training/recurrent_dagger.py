@@ -23,7 +23,7 @@ from aoro_gym.agents.controllers.exact import EXACT, exact_observations
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation
 from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
 from aoro_gym.agents.training.checkpoints import random_states, restore_random_states
-from aoro_gym.agents.training.dagger import CLIP, EPSILON, Hyperparams, least_deviations, teacher_of
+from aoro_gym.agents.training.dagger import CLIP, EPSILON, Hyperparams, least_deviations, prepare, teacher_of
 from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.memory_network import MemoryNetwork
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -103,6 +103,7 @@ class RecurrentDagger:
             self._now = self._env.reset(seed), begins, self._net.beginning(count)
         if self._now is None:
             raise ValueError("seed is None, but there are no running episodes to go on with; give a seed")
+        prepare(self._teacher, callback)
         end = self.steps + steps
         while self.steps < end:
             length = min(int(self._asked.n_steps), math.ceil((end - self.steps) / self.envs.num_envs))

@@ -30,6 +30,7 @@ import math
 import time
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,7 @@ from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import callbacks
 from aoro_gym.agents.training.callbacks import Progress, ProgressCallback, StepCounter
+from aoro_gym.agents.training.courses import meet_worlds
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.learner import Learner, learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -152,19 +154,15 @@ def train(
     from stable_baselines3.common.logger import configure  # pyright: ignore[reportMissingImports]
 
     with locked(folder), ExitStack() as stack:
+        _tell_of(tell, "telling the inputs apart")
         asked = inputs_of(plan, recipe, machine=machine, courses=courses, held_out=held_out)
         check_resumable(folder, asked, accept_code_change)
         stages, clock = curriculum(plan.env, recipe.stages), StepCounter(int(recipe.hyperparams["n_timesteps"]))
-        env_kwargs: dict[str, Any] = {"machine": _training_machines(plan, machine, int(recipe.hyperparams["n_envs"]))}
-        if courses is not None:
-            env_kwargs["courses"] = courses
-        if plan.soil is not None:
-            env_kwargs["soil"] = plan.soil
-        if plan.observe is not None:
-            env_kwargs["observation_terms"] = dict.fromkeys(plan.observe, True)
-        env_kwargs |= localised(plan.env, plan.localisation)
-        learner = learner_of(plan, recipe.hyperparams, clock, env_kwargs)
+        _tell_of(tell, "making the environments")
+        machines = _training_machines(plan, machine, int(recipe.hyperparams["n_envs"]))
+        learner = learner_of(plan, recipe.hyperparams, clock, _env_kwargs(plan, machines, courses))
         stack.callback(learner.close)
+        meet_worlds(courses, learner.envs, partial(_tell_of, tell, "making what rays meet in the worlds"))
         results = TrainingResults(folder, plan.env, digest(asked))
         if results.exist:
             results.restore(learner)
@@ -193,6 +191,23 @@ def train(
             results.publish()
             evaluated(results.evaluations[-1])
         return results.evaluations
+
+
+def _env_kwargs(plan: TrainingPlan, machines: Machine, courses: Sequence[Course] | None) -> dict[str, Any]:
+    """Arguments of the environment to learn in, with a machine or one for each sub-environment."""
+    found: dict[str, Any] = {"machine": machines}
+    if courses is not None:
+        found["courses"] = courses
+    if plan.soil is not None:
+        found["soil"] = plan.soil
+    if plan.observe is not None:
+        found["observation_terms"] = dict.fromkeys(plan.observe, True)
+    return found | localised(plan.env, plan.localisation)
+
+
+def _tell_of(tell: Callable[[Progress], Any], doing: str, part: float = 0.0) -> None:
+    """Tell what is being done before the first step, and the share of it that is done."""
+    tell(Progress(0, 0, 0.0, math.nan, math.nan, doing, part))
 
 
 def _learn(plan: TrainingPlan, learner: Learner, clock: StepCounter, callback: ProgressCallback) -> None:

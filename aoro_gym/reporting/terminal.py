@@ -277,8 +277,14 @@ def within(tell: Tell, begin: float, end: float) -> Tell:
 
 def learning(tell: Tell, what: str) -> Callable[[Any], None]:
     """Takes reports of a training (:class:`aoro_gym.agents.training.callbacks.Progress`) and tells them on."""
+    parts: dict[str, ProgressEstimate] = {}
 
     def report(now: Any) -> None:
+        if now.part is not None:
+            part = parts.setdefault(now.doing, ProgressEstimate(now.doing))
+            part.tell(now.doing, now.part)
+            tell(f"{what}, {now.doing}", None, f"{100.0 * part.share:.0f} % of that, {clock(part.remaining())} left")
+            return
         detail = f"{now.steps:,} of {now.total:,} steps, {now.steps_per_s:,.0f} a second"
         if math.isfinite(now.episode_return):
             detail += f", return {now.episode_return:.4g}, success {now.success:.0%}"

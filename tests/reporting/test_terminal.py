@@ -105,6 +105,16 @@ def test_a_training_tells_steps_and_returns():
     assert told[1] == ("turning, learning", 0.25, "500 of 2,000 steps, 100 a second, return 1.25, success 50%")
 
 
+def test_what_comes_before_the_first_step_has_a_share_of_its_own():
+    told: list[Any] = []
+    report = terminal.learning(lambda *what: told.append(what), "forests")
+    for part in (0.0, 0.25):
+        report(Progress(0, 0, 0.0, math.nan, math.nan, "drawing maps", part))
+    name, share, detail = told[1]
+    assert (name, share) == ("forests, drawing maps", None)
+    assert re.fullmatch(r"25 % of that, \d+:\d\d left", detail)
+
+
 def test_lines_of_a_pipe(capsys, monkeypatch):
     monkeypatch.setattr(terminal, "EVERY", 0.02)
     with terminal.progress("begun") as tell:

@@ -95,6 +95,17 @@ def test_whose_map_is_planned_on_can_be_changed():
     assert policy(observations).shape == (2, 2)
 
 
+def test_maps_that_are_drawn_beforehand_are_the_same():
+    env = ForestRunVectorEnv(2, courses=[course(), course()], autoreset_mode="Disabled")
+    observations, _ = env.reset(seed=3)
+    late, early = (ArcPlanner(ForestDriver.of(env), env) for _ in range(2))
+    shares = []
+    early.prepare(shares.append)
+    early.prepare(shares.append)  # once
+    assert shares == [0.0, 0.5]
+    np.testing.assert_array_equal(late(observations), early(observations))
+
+
 def test_what_is_no_world_is_named():
     path = Path(np.array([[0.0, 0.0], [9.0, 0.0]]))
     with pytest.raises(ValueError, match="course 0 is no world"):

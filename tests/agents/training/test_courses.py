@@ -3,12 +3,17 @@
 import numpy as np
 import pytest
 
+from aoro_gym.agents.training.courses import meet_worlds
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
+from aoro_gym.envs.core import ray_scenes
+from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
+from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains import Path as Line
-from aoro_gym.terrains import Plane
+from aoro_gym.terrains import Plane, Terrain
 from aoro_gym.terrains.paths.planning import NoDrivablePath
+from aoro_gym.terrains.world.world import World
 
 TRACKING = "AORO/PathTracking-v0"
 
@@ -48,3 +53,25 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
     (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
     learned, held_out = training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
     assert learned is held_out  # there is no other
+
+
+def test_worlds_are_met_before_the_first_episode(monkeypatch):
+    """No scene is made twice: episodes find all of them. Planes, and environments without rays, have none to be made."""
+    ground = Terrain.from_heights(np.zeros((31, 31)), cell=1.0, corner=(-15.0, -15.0))
+    ahead = Line(np.array([[-5.0, 0.0], [10.0, 0.0]]), name="ahead")
+    courses = [Course.over(World(ground, ()), [ahead]) for _ in range(3)]
+    made, shares, of = [], [], Scene.of_world
+    monkeypatch.setattr(ray_scenes.Scene, "of_world", lambda world, **how: made.append(world) or of(world, **how))
+    env = ForestRunVectorEnv(3, courses=courses)
+    meet_worlds(courses, env, shares.append)
+    assert shares == [0.0, 1 / 3, 2 / 3]
+    assert len(made) == 3
+    env.reset(seed=1, options={"terrain": np.arange(3)})
+    assert len(made) == 3
+    env.close()
+    blind = ForestRunVectorEnv(1, courses=courses, observation_terms={"obstacles": None})
+    meet_worlds([Course.over(World(ground, ()), [ahead])], blind)
+    meet_worlds(None, env)
+    meet_worlds([Course(Plane(), (ahead,))], env)
+    assert len(made) == 3
+    blind.close()
