@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
@@ -67,7 +67,7 @@ def made_courses(
     neither is one that ``aoro-gym evaluate`` drives on. ``progress`` is called with the share that is made."""
     if env == LOADING:
         return loading.learned_sites(min(count, loading.SPLITS.validation_seed)), loading.validation_sites()
-    if env == FOREST_RUN and count > GROWN_HERE and cache_folder() is not None:
+    if env == FOREST_RUN and cache_folder() is not None:
         _grow(count, progress)
     made = {LEVELLING: levelling, LIMITS: limit_tracking, FOREST_RUN: forest_run}[env]
     return made.learned_courses(count), made.validation_courses()
@@ -76,7 +76,7 @@ def made_courses(
 def meet_worlds(
     courses: Sequence[Any] | None, envs: TwinVectorEnv, progress: Callable[[float], Any] = lambda share: None
 ) -> None:
-    """Make what the rays of an environment meet in all worlds, where it casts some, as the first episodes there do otherwise.
+    """Make what the rays of an environment meet in all worlds, where it casts some, as first episodes there do otherwise.
     ``progress`` is called with the share that is made."""
     if looks_back(envs.task.observation_terms) is None:
         return
@@ -90,10 +90,17 @@ def meet_worlds(
 
 
 def _grow(count: int, progress: Callable[[float], Any]) -> None:
-    """Grow worlds to learn in on all cores, each a second or two, to be taken from the disk afterwards."""
-    jobs = {str(seed): (seed, share) for seed, share in forest_run.SPLITS.asked(count)}
-    for done, _ in enumerate(spread(_keep, jobs, workers=min(cores(), count))):
-        progress((done + 1) / count)  # one that failed fails again here, with its own error
+    """Grow the worlds that the disk lacks, each a second or two and many on all cores, to be taken from there afterwards."""
+    asked = [*forest_run.SPLITS.asked(count), *forest_run.SPLITS.asked_to_validate()]
+    lacking = [one for one in asked if not forest_run.is_kept(*one)]
+    if len(lacking) > GROWN_HERE:
+        jobs = {str(seed): (seed, difficulty) for seed, difficulty in lacking}
+        # one that failed fails again afterwards, with its own error
+        grown: Iterator[Any] = spread(_keep, jobs, workers=min(cores(), len(jobs)))
+    else:
+        grown = (forest_run.forest_run_course(*one) for one in lacking)
+    for done, _ in enumerate(grown):
+        progress((done + 1) / len(lacking))
 
 
 def _keep(tell: Callable[[int], Any], seed: int, difficulty: float) -> None:

@@ -150,11 +150,11 @@ def train(
             folder, or a damaged checkpoint.
         OSError: a file cannot be read or written.
     """
+    _tell_of(tell, "checking the inputs")
     # after the checks that need it not: importing it takes seconds
     from stable_baselines3.common.logger import configure  # pyright: ignore[reportMissingImports]
 
     with locked(folder), ExitStack() as stack:
-        _tell_of(tell, "telling the inputs apart")
         asked = inputs_of(plan, recipe, machine=machine, courses=courses, held_out=held_out)
         check_resumable(folder, asked, accept_code_change)
         stages, clock = curriculum(plan.env, recipe.stages), StepCounter(int(recipe.hyperparams["n_timesteps"]))

@@ -73,7 +73,7 @@ def cached(
     folder = cache_folder()
     if folder is None:
         return make()
-    path = folder / kind / f"{digest(kind, *parts)}.npz"
+    path = _file(folder, kind, parts)
     arrays = read_arrays(path)
     if arrays is not None:
         with suppress(Exception):  # whatever damaged arrays lead to
@@ -88,6 +88,16 @@ def cached(
         write_arrays(path, {**arrays, NAMES: np.array(sorted(arrays))})
         _shrink(folder)
     return result
+
+
+def is_kept(kind: str, parts: tuple[Any, ...]) -> bool:
+    """Whether there is a file of what :func:`cached` gives for these; it may be damaged."""
+    folder = cache_folder()
+    return folder is not None and _file(folder, kind, parts).exists()
+
+
+def _file(folder: Path, kind: str, parts: tuple[Any, ...]) -> Path:
+    return folder / kind / f"{digest(kind, *parts)}.npz"
 
 
 def _shrink(folder: Path, largest: int | None = None) -> None:

@@ -51,6 +51,10 @@ class Splits(Generic[T]):
         check_range("number of courses to learn on", count, ge=1, le=self.validation_seed)
         return _asked(self.least_difficulty, 0, count)
 
+    def asked_to_validate(self) -> list[tuple[int, float]]:
+        """The same of the courses of :meth:`validation`."""
+        return _asked(self.least_difficulty, self.validation_seed, VALIDATED)
+
     def validation(self) -> tuple[T, ...]:
         """Courses that the evaluations of a training drive on, which choose its best policy."""
         return self._from(self.validation_seed, VALIDATED)

@@ -26,6 +26,7 @@ from aoro_gym.checks import check_integer, check_range
 from aoro_gym.envs.core.splits import Splits
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.cache import cached, computed_with
+from aoro_gym.execution.cache import is_kept as kept
 from aoro_gym.execution.digest import digest
 from aoro_gym.terrains import Path, Terrain
 from aoro_gym.terrains.world.entries import object_entry, object_of
@@ -54,7 +55,12 @@ def forest_run_course(seed: int, difficulty: float = 1.0) -> Course:
         grown = grown_world(seed, difficulty)
         return Course.over(grown, routes(grown, seed, difficulty), name=f"forest run {seed}, difficulty {difficulty:g}")
 
-    return cached("forest_runs", (seed, difficulty, _code()), make, _packed, _unpacked)
+    return cached(KIND, _parts(seed, difficulty), make, _packed, _unpacked)
+
+
+def is_kept(seed: int, difficulty: float) -> bool:
+    """Whether the disk has the world of :func:`forest_run_course`."""
+    return kept(KIND, _parts(seed, difficulty))
 
 
 SPLITS = Splits(forest_run_course, least_difficulty=0.1, validation_seed=5_000, held_out_seed=10_000)
@@ -65,6 +71,14 @@ held_out_courses = SPLITS.held_out
 
 
 # ---- on disk ---------------------------------------------------------------------------------------------------------
+
+
+KIND = "forest_runs"
+"""Folder of the cache."""
+
+
+def _parts(seed: int, difficulty: float) -> tuple[Any, ...]:
+    return seed, difficulty, _code()
 
 
 @cache

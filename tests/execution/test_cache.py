@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from aoro_gym.execution import cache
-from aoro_gym.execution.cache import cache_folder, cached, computed_with
+from aoro_gym.execution.cache import cache_folder, cached, computed_with, is_kept
 
 VALUES = {
     "a": np.arange(12.0).reshape(3, 4),
@@ -57,6 +57,15 @@ def test_what_was_made_once_is_read_to_the_bit(folder, maker):
     for name, value in VALUES.items():
         assert again[name].dtype == np.asarray(value).dtype
         np.testing.assert_array_equal(again[name], value)
+
+
+def test_what_is_kept_can_be_asked_for(folder, maker, monkeypatch):
+    assert not is_kept("things", (1, "x"))
+    maker.cached(1, "x")
+    assert is_kept("things", (1, "x"))
+    assert not is_kept("things", (1, "y")) and not is_kept("others", (1, "x"))
+    monkeypatch.setenv("AORO_GYM_CACHE", "off")
+    assert not is_kept("things", (1, "x"))
 
 
 def test_other_parts_are_other_results(folder, maker, tmp_path):

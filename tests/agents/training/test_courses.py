@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
-from aoro_gym.agents.training.courses import meet_worlds
+from aoro_gym.agents.training import courses as training
+from aoro_gym.agents.training.courses import made_courses, meet_worlds
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.cli.courses import training_courses
 from aoro_gym.envs import Course
 from aoro_gym.envs.core import ray_scenes
+from aoro_gym.envs.forest_run import courses as forest_run
 from aoro_gym.envs.forest_run.environment import ForestRunVectorEnv
 from aoro_gym.sensors.raytrace import Scene
 from aoro_gym.terrains import Path as Line
@@ -53,6 +55,26 @@ def test_evaluation_is_on_ground_that_was_held_out(tmp_path, monkeypatch):
     (tmp_path / "lane.csv").write_text("x,y\n5,10\n8,10\n11,10\n14,10\n")
     learned, held_out = training_courses(TrainingPlan(env=TRACKING, path=str(tmp_path / "lane.csv")))
     assert learned is held_out  # there is no other
+
+
+def test_worlds_that_the_disk_lacks_are_grown_first(monkeypatch, tmp_path):
+    """Those to evaluate on, too; many by other processes, and none that is there already."""
+    monkeypatch.setenv("AORO_GYM_CACHE", str(tmp_path))
+    lacking = {2, 3, 5_001}
+    grown, shares, spread = [], [], []
+    monkeypatch.setattr(forest_run, "is_kept", lambda seed, difficulty: seed not in lacking)
+    monkeypatch.setattr(forest_run, "forest_run_course", lambda *one: grown.append(one))
+    monkeypatch.setattr(forest_run, "learned_courses", lambda count: ("learned",) * count)
+    monkeypatch.setattr(forest_run, "validation_courses", lambda: ("held out",))
+    monkeypatch.setattr(training, "spread", lambda work, jobs, workers: spread.append(jobs) or iter(jobs))
+    assert made_courses(training.FOREST_RUN, 4, shares.append) == (("learned",) * 4, ("held out",))
+    assert grown == [(2, 0.7), (3, 1.0), (5_001, 0.229)]  # difficulties of 4 and of 8 from 0.1 to 1
+    assert shares == [1 / 3, 2 / 3, 1.0]
+    assert not spread
+    monkeypatch.setattr(training, "GROWN_HERE", 2)
+    made_courses(training.FOREST_RUN, 4)
+    assert spread == [{"2": (2, 0.7), "3": (3, 1.0), "5001": (5_001, 0.229)}]
+    assert len(grown) == 3
 
 
 def test_worlds_are_met_before_the_first_episode(monkeypatch):
