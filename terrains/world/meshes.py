@@ -8,6 +8,7 @@ Lambert's law says.
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -90,31 +91,47 @@ def round_wood(
         ends: Surfaces of the caps below and above; None: open.
     """
     z, r = np.asarray(heights, dtype=np.float64), np.asarray(radii, dtype=np.float64)
-    angle = 2.0 * np.pi * np.arange(sides) / sides
+    cosine, sine = _corners(sides)
     swollen = r * np.sqrt(2.0 * np.pi / sides / np.sin(2.0 * np.pi / sides))
     rings = np.stack(
         [
-            np.outer(swollen, np.cos(angle)),
-            np.outer(swollen, np.sin(angle)),
+            np.outer(swollen, cosine),
+            np.outer(swollen, sine),
             np.broadcast_to(z[:, None], (len(z), sides)),
         ],
         axis=-1,
     ).reshape(-1, 3)
-    band, side = np.meshgrid(np.arange(len(z) - 1), np.arange(sides), indexing="ij")
-    a, b = (band * sides + side).ravel(), (band * sides + (side + 1) % sides).ravel()
-    faces = [np.stack([a, b, b + sides], axis=1), np.stack([a, b + sides, a + sides], axis=1)]
     kinds = np.repeat(np.broadcast_to(np.asarray(bark), len(z) - 1), sides)
     surfaces, vertices = [kinds, kinds], [rings]
-    around = np.stack([np.arange(sides), (np.arange(sides) + 1) % sides], axis=1)
-    for end, (first, middle) in zip(ends, ((0, z[0]), ((len(z) - 1) * sides, z[-1])), strict=True):
-        if end is None:
-            continue
-        hub = sum(len(part) for part in vertices)
-        vertices.append(np.array([[0.0, 0.0, middle]]))
-        rim = (around if first else around[:, ::-1]) + first
-        faces.append(np.column_stack([np.full(sides, hub), rim]))
-        surfaces.append(np.full(sides, end))
-    return Mesh(np.concatenate(vertices), np.concatenate(faces), np.concatenate(surfaces).astype(np.uint8))
+    for end, middle in zip(ends, (z[0], z[-1]), strict=True):
+        if end is not None:
+            vertices.append(np.array([[0.0, 0.0, middle]]))
+            surfaces.append(np.full(sides, end))
+    faces = _wood_faces(len(z), sides, ends[0] is not None, ends[1] is not None)
+    return Mesh(np.concatenate(vertices), faces, np.concatenate(surfaces).astype(np.uint8))
+
+
+@cache
+def _corners(sides: int) -> tuple[Array, Array]:
+    """Cosines and sines (sides,) of a ring's corners."""
+    angle = 2.0 * np.pi * np.arange(sides) / sides
+    return np.cos(angle), np.sin(angle)
+
+
+@cache
+def _wood_faces(rings: int, sides: int, below: bool, above: bool) -> Faces:
+    """Triangles (F, 3) of so many rings of corners, numbered from the lowest on, and of caps about the hubs after them."""
+    band, side = np.meshgrid(np.arange(rings - 1), np.arange(sides), indexing="ij")
+    a, b = (band * sides + side).ravel(), (band * sides + (side + 1) % sides).ravel()
+    faces = [np.stack([a, b, b + sides], axis=1), np.stack([a, b + sides, a + sides], axis=1)]
+    around, hub = np.stack([np.arange(sides), (np.arange(sides) + 1) % sides], axis=1), rings * sides
+    if below:
+        faces.append(np.column_stack([np.full(sides, hub), around[:, ::-1]]))
+    if above:
+        faces.append(np.column_stack([np.full(sides, hub + below), around + (rings - 1) * sides]))
+    found = np.concatenate(faces)
+    found.flags.writeable = False  # shared by all objects of this kind
+    return found
 
 
 def stem_rings(tree: Tree) -> tuple[Array, Array]:
@@ -131,9 +148,7 @@ def foliage(tree: Tree) -> Mesh:
     rng = np.random.default_rng(tree.shape)
     length = tree.height - tree.crown_base
     # evenly over the crown's volume: share of the crown above, by the square of its radius
-    fine = np.linspace(0.0, 1.0, 65)
-    volume = np.cumsum(crown_profile(tree.species, fine) ** 2)
-    height = np.interp(rng.random(count), volume / volume[-1], fine)
+    height = np.interp(rng.random(count), *_crown_volume(tree.species))
     reach = tree.crown_radius * crown_profile(tree.species, height) * np.sqrt(rng.random(count))
     turn = rng.uniform(0.0, 2.0 * np.pi, count)
     middle = np.stack([reach * np.cos(turn), reach * np.sin(turn), tree.crown_base + length * height], axis=1)
@@ -143,6 +158,14 @@ def foliage(tree: Tree) -> Mesh:
     corners = [side / np.sqrt(3.0) * (np.cos(a) * u + np.sin(a) * v) for a in 2.0 * np.pi / 3.0 * np.arange(3)]
     vertices = (middle[:, None, :] + np.stack(corners, axis=1)).reshape(-1, 3)
     return Mesh(vertices, np.arange(3 * count).reshape(-1, 3), np.full(count, FOLIAGE[tree.species], dtype=np.uint8))
+
+
+@cache
+def _crown_volume(species: str) -> tuple[Array, Array]:
+    """Shares of a crown's volume below heights, and these heights as shares of its length above its base (65,)."""
+    fine = np.linspace(0.0, 1.0, 65)
+    volume = np.cumsum(crown_profile(species, fine) ** 2)
+    return volume / volume[-1], fine
 
 
 def crown_profile(species: str, share: ArrayLike) -> Array:
