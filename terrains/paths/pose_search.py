@@ -20,10 +20,11 @@ import heapq
 import math
 from dataclasses import dataclass
 from functools import cache, cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix, csr_matrix
+from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 
 from aoro_gym.checks import check_range
@@ -85,8 +86,8 @@ class CostMap:
         return np.asarray(found, dtype=np.float64).reshape(rows, columns)
 
     @cached_property
-    def _graph(self) -> csr_matrix:
-        """What a step from node to node costs, of all that are neighbours in eight directions."""
+    def _graph(self) -> Any:
+        """Sparse matrix of what steps cost between nodes that are neighbours in eight directions."""
         rows, columns = self.cost.shape
         number = np.arange(rows * columns).reshape(rows, columns)
         one, two, price = [], [], []
