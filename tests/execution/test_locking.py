@@ -75,7 +75,11 @@ def test_what_is_refused_leaves_no_folder(tmp_path: Path):
 
 
 def test_the_lock_is_freed_by_an_error(tmp_path: Path):
-    with pytest.raises(KeyboardInterrupt), locked(tmp_path):
-        signal.raise_signal(signal.SIGINT)  # in this thread: of the process, another one may be given it, and later
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # who tests in the background may ignore it
+    try:
+        with pytest.raises(KeyboardInterrupt), locked(tmp_path):
+            signal.raise_signal(signal.SIGINT)  # in this thread: of the process, another one may be given it, and later
+    finally:
+        signal.signal(signal.SIGINT, before)
     with locked(tmp_path):
         pass
