@@ -86,7 +86,9 @@ class TrainingPlan:
     hyperparams: str | None = option(None, "FILE.yml", "Hyper-parameters, in the RL Zoo's format. Default: ours.")
     param: list[str] | None = option(None, "NAME=VALUE", "Another value of a hyper-parameter. Repeatable.")
     start: str | None = option(
-        None, "FILE.json", "Policy to learn on from, with a network as the hyper-parameters say."
+        None,
+        "NAME|FILE",
+        "Policy to learn on from, with a network as the hyper-parameters say: a file, or a shipped one.",
     )
     curriculum: str | None = option(None, "FILE.yml", "What differs from episode to episode, and when. Default: ours.")
     checkpoint_every: int = option(

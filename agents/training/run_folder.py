@@ -11,6 +11,7 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.evaluation.tasks import TASKS
+from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.learner import versions
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -26,6 +27,15 @@ POLICIES, SUFFIXES = ("policy", "best"), (".json", ".safetensors")
 """What is written of the policies."""
 
 
+def first_policy(plan: TrainingPlan) -> LearnedPolicy:
+    """The policy that ``plan`` starts from: a file, or one that comes with the package, by its name.
+
+    Raises ValueError if the file holds none, OSError if there is none.
+    """
+    assert plan.start is not None
+    return LearnedPolicy.load(shipped_policies(plan.env).get(plan.start, Path(plan.start)))
+
+
 def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:
     """Write the plan and its recipe to ``folder``, where nothing has been trained yet, or to ``restart`` there.
 
@@ -39,7 +49,7 @@ def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:
     drawn_machines(plan.laws, plan.perturbation)
     recipe = read_recipe(plan)
     if plan.start is not None:
-        LearnedPolicy.load(Path(plan.start))
+        first_policy(plan)
     content = {
         "command": plan.command,
         "plan": plan.to_json(),

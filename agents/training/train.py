@@ -48,7 +48,7 @@ from aoro_gym.agents.training.learner import Learner, learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
 from aoro_gym.agents.training.recipe import Recipe
 from aoro_gym.agents.training.results import TrainingResults
-from aoro_gym.agents.training.run_folder import LOG, check_resumable, empty_folder, revision
+from aoro_gym.agents.training.run_folder import LOG, check_resumable, empty_folder, first_policy, revision
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.locking import locked
@@ -97,7 +97,7 @@ def inputs_of(
         **({} if plan.observe is None else {"observe": plan.observe}),
         "hyperparams": hyperparams,
         "curriculum": recipe.stages,
-        "start": None if plan.start is None else inputs.policy_content(LearnedPolicy.load(Path(plan.start))),
+        "start": None if plan.start is None else inputs.policy_content(first_policy(plan)),
         "ranges": None if plan.perturbation is None else inputs.machine_ranges(machine),
         "terrain": inputs.grounds(courses),
         "path": inputs.paths(courses),
@@ -168,7 +168,7 @@ def train(
             results.restore(learner)
             results.publish()
         elif plan.start is not None:
-            learner.start_from(LearnedPolicy.load(Path(plan.start)).made_for(learner.envs))
+            learner.start_from(first_policy(plan).made_for(learner.envs))
         clock.done, before, began = learner.steps, results.elapsed, time.perf_counter()
         logger = configure(str(empty_folder(folder / LOG / f"from_{clock.done}")), ["csv", "tensorboard"])
         stack.callback(logger.close)

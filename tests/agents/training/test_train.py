@@ -128,6 +128,17 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
         begin(plan_of(start="none.json"), tmp_path / "none")
 
 
+def test_a_policy_that_comes_with_the_package_is_started_from_by_its_name():
+    from aoro_gym.agents.policies.files import SHIPPED, load_policy
+    from aoro_gym.agents.training.run_folder import first_policy
+
+    found, wanted = first_policy(plan_of(start="turning-ppo")), load_policy(SHIPPED / "turning-ppo.json")
+    for one, other in zip(found.weights, wanted.weights, strict=True):
+        np.testing.assert_array_equal(one, other)
+    with pytest.raises(FileNotFoundError):
+        first_policy(plan_of(start="levelling-ppo"))  # of another environment
+
+
 @pytest.mark.parametrize(("algo", "trainer"), [("ppo", "sb3"), ("sac", "sb3"), ("ppo", "resident")])
 def test_a_held_actor_stays_while_the_critic_learns(algo, trainer, training):
     from aoro_gym.agents.training.callbacks import ProgressCallback, StepCounter
