@@ -33,7 +33,12 @@ def first_policy(plan: TrainingPlan) -> LearnedPolicy:
     Raises ValueError if the file holds none, OSError if there is none.
     """
     assert plan.start is not None
-    return LearnedPolicy.load(shipped_policies(plan.env).get(plan.start, Path(plan.start)))
+    shipped = shipped_policies(plan.env)
+    if plan.start not in shipped and not Path(plan.start).suffix:
+        raise FileNotFoundError(
+            f"--start is {plan.start!r}, but no policy for {plan.env}; choose from: {', '.join(shipped)}; or give a file"
+        )
+    return LearnedPolicy.load(shipped.get(plan.start, Path(plan.start)))
 
 
 def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:

@@ -283,7 +283,8 @@ def learning(tell: Tell, what: str) -> Callable[[Any], None]:
         if now.part is not None:
             part = parts.setdefault(now.doing, ProgressEstimate(now.doing))
             part.tell(now.doing, now.part)
-            tell(f"{what}, {now.doing}", None, f"{100.0 * part.share:.0f} % of that, {clock(part.remaining())} left")
+            detail = f"{100.0 * part.share:.0f} % of that, {clock(part.remaining())} left" if now.part else ""
+            tell(f"{what}, {now.doing}", None, detail)
             return
         detail = f"{now.steps:,} of {now.total:,} steps, {now.steps_per_s:,.0f} a second"
         if math.isfinite(now.episode_return):
