@@ -60,8 +60,7 @@ class Sensing:
     wheels: WheelSpeedMemory
     gps: GpsMemory
     localisation: LocalisationMemory  # only the pose is used where it is filtered
-    filter: PoseFilterMemory
-    filters: int  # whether the pose is estimated by it
+    filter: PoseFilterMemory  # where it is
     pressure: PressureMemory
     inertial: int  # whether the specific force is observed
     noise: wp.array(dtype=wp.float64)  # (N,) of wheels and pressures
@@ -197,8 +196,7 @@ def sensing_memory(sensors: Any, arrays: Arrays) -> Sensing:
     out.joint, out.imu = joint_memory(sensors.joint, arrays), imu_memory(sensors._imu, arrays)
     out.wheels = wheel_speed_memory(sensors._wheel_sensor, arrays)
     out.gps, here = gps_memory(sensors.gps, arrays), sensors.localisation
-    out.filters = int(isinstance(here, PoseFilter))
-    if out.filters:
+    if isinstance(here, PoseFilter):
         out.filter = pose_filter_memory(here, arrays)
         out.localisation.position, out.localisation.heading = out.filter.position, out.filter.heading
     else:

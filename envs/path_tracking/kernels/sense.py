@@ -1,5 +1,6 @@
-"""What a vehicle measures, and where it is on its path: the task's sensing and
-geometry for one vehicle.
+"""What a vehicle measures, and where it is on its path: the task's sensing and geometry for one vehicle.
+
+Its pose is estimated by constant gains here, and by a Kalman filter in :mod:`aoro_gym.envs.path_tracking.kernels.filtered`.
 """
 
 import warp as wp
@@ -13,7 +14,6 @@ from aoro_gym.sensors.kernels.attitude import in_world, wrapped
 from aoro_gym.sensors.kernels.gps import gps_shown
 from aoro_gym.sensors.kernels.imu import imu_error, imu_moved_on, specific_force
 from aoro_gym.sensors.kernels.localisation import begin_at, locate
-from aoro_gym.sensors.kernels.pose_filter import begin_filter, filter_pose
 from aoro_gym.sensors.kernels.pressure import pressure_shown
 from aoro_gym.sensors.kernels.wheel_speed import ground_speed, wheel_speed_shown
 from aoro_gym.twin.records import Output, State
@@ -21,6 +21,8 @@ from aoro_gym.units import GRAVITY
 
 WEIGHT = wp.constant(wp.float64(GRAVITY))
 ZERO = wp.constant(wp.float64(0.0))
+REGISTERS = 128
+"""Registers of a thread that senses, at most: with more a GPU has no room for all of some 65,000 vehicles at once."""
 
 
 @wp.func
@@ -93,13 +95,19 @@ def sense_all(m: StepMemory, v: Vehicle, s: Sensing, i: int, time: wp.float64):
 
 
 @wp.func
+def front_axle(v: Vehicle, i: int):
+    """Middle of the front axle from the hinge [m]."""
+    return wp.vec3d(v.front[i], ZERO, ZERO)
+
+
+@wp.func
 def follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
     """Where the vehicle is, and where on its path it is and believes to be."""
     hinge = hinge_of(m, i)
     roll = last(m, Output.ROLL, i)
     pitch = last(m, Output.PITCH, i)
     yaw = last(m, Output.YAW, i)
-    reference = hinge + in_world(roll, pitch, yaw, wp.vec3d(v.front[i], ZERO, ZERO))
+    reference = hinge + in_world(roll, pitch, yaw, front_axle(v, i))
     rear = yaw - last(m, Output.JOINT_ANGLE, i)
     d.reference[i, 0] = reference[0]
     d.reference[i, 1] = reference[1]
@@ -122,42 +130,46 @@ def follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rul
 
 
 @wp.func
-def measured_rates(s: Sensing, i: int):
-    """Measured angular velocity [rad/s]."""
-    return wp.vec3d(s.rates[i, 0], s.rates[i, 1], s.rates[i, 2])
-
-
-@wp.func
-def sense_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int, time: wp.float64):
-    """Read all sensors at the end of a step, and find the vehicle on its path."""
+def read_sensors(m: StepMemory, v: Vehicle, s: Sensing, d: Driving, i: int, time: wp.float64):
+    """Read all sensors at the end of a step; gives the solution of the GPS."""
     d.step[i] = d.step[i] + wp.int64(1)
     sense_joint(m, s.joint, i, time)
-    fix = sense_all(m, v, s, i, time)
-    front = wp.vec3d(v.front[i], ZERO, ZERO)
-    if s.filters != 0:
-        filter_pose(s.filter, i, fix, s.roll[i], s.pitch[i], measured_rates(s, i), front, s.speed[i])
-    else:
-        locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front, s.speed[i], s.rates[i, 2], m.control_step)
-    follow(m, c, v, s, d, r, i)
+    return sense_all(m, v, s, i, time)
 
 
 @wp.func
-def rest_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
-    """First measurements of a vehicle at rest."""
+def read_at_rest(m: StepMemory, v: Vehicle, s: Sensing, i: int):
+    """Read all sensors of a vehicle at rest, for the first time; gives the solution of the GPS."""
     rest_joint(s.joint, i, last(m, Output.JOINT_ANGLE, i))
-    fix = sense_all(m, v, s, i, ZERO)
-    front = wp.vec3d(v.front[i], ZERO, ZERO)
-    if s.filters != 0:
-        begin_filter(s.filter, i, fix, s.roll[i], s.pitch[i], measured_rates(s, i), front)
-    else:
-        begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], front)
+    return sense_all(m, v, s, i, ZERO)
+
+
+@wp.func
+def begin_to_follow(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
+    """Where a vehicle at rest is, and where on its path it begins."""
     follow(m, c, v, s, d, r, i)
     d.progress[i] = ZERO
     d.start_s[i] = d.s[i]
     d.mark_s[i] = d.s[i]
 
 
-@wp.kernel(enable_backward=False, module="aoro_gym.envs.path_tracking.kernels")
+@wp.func
+def sense_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int, time: wp.float64):
+    """Read all sensors at the end of a step, and find the vehicle on its path."""
+    fix = read_sensors(m, v, s, d, i, time)
+    locate(s.localisation, i, fix, s.roll[i], s.pitch[i], front_axle(v, i), s.speed[i], s.rates[i, 2], m.control_step)
+    follow(m, c, v, s, d, r, i)
+
+
+@wp.func
+def rest_vehicle(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules, i: int):
+    """First measurements of a vehicle at rest."""
+    fix = read_at_rest(m, v, s, i)
+    begin_at(s.localisation, i, fix, s.roll[i], s.pitch[i], front_axle(v, i))
+    begin_to_follow(m, c, v, s, d, r, i)
+
+
+@wp.kernel(enable_backward=False, cuda_max_registers=REGISTERS, module="aoro_gym.envs.path_tracking.kernels")
 def sense(m: StepMemory, c: Courses, v: Vehicle, s: Sensing, d: Driving, r: Rules):
     """Read all sensors at the end of the step, and find the vehicles on their paths."""
     i = wp.tid()

@@ -9,6 +9,7 @@ from aoro_gym.envs.core.kernel_step import TaskKernels, shared, told_memory
 from aoro_gym.envs.core.kernels.step import StepMemory
 from aoro_gym.envs.path_tracking.assistance import GEAR_DISPLACEMENT
 from aoro_gym.envs.path_tracking.kernels.act import act
+from aoro_gym.envs.path_tracking.kernels.filtered import rest_filtered, sense_filtered
 from aoro_gym.envs.path_tracking.kernels.judge import REWARDED, judge
 from aoro_gym.envs.path_tracking.kernels.memory import (
     DRIVING,
@@ -27,6 +28,7 @@ from aoro_gym.envs.path_tracking.kernels.observe import OBSERVED, observe
 from aoro_gym.envs.path_tracking.kernels.sense import rest, sense
 from aoro_gym.execution.array_api import Arrays
 from aoro_gym.sensors.kernels.noise import constants
+from aoro_gym.sensors.pose_filter import PoseFilter
 
 LOGGED = (
     ("cross_track", "heading_error", "cross_track_rms", "mean_speed", "remaining", "tipping_margin", "engine_work"),
@@ -48,13 +50,15 @@ def path_tracking_kernels(task: Any, memory: StepMemory, arrays: Arrays, *, reac
     courses, control, measures, sensing, driving, rules = vehicles(task, arrays, reach)
     told, logged = told_memory(Told(), LOGGED, len(task._s), arrays)
     told_at_rest, begun = told_memory(Told(), LOGGED, len(task._s), arrays)
+    filters = isinstance(task._sensors.localisation, PoseFilter)
+    sensed, rested = (sense_filtered, rest_filtered) if filters else (sense, rest)
     return TaskKernels(
         before=[(act, [memory, control, sensing, measures, driving])],
         after=[
-            (sense, [memory, courses, measures, sensing, driving, rules]),
+            (sensed, [memory, courses, measures, sensing, driving, rules]),
             (judge, [memory, courses, control, sensing, driving, rules, told]),
         ],
-        rest=(rest, [memory, courses, control, measures, sensing, driving, rules, told_at_rest]),
+        rest=(rested, [memory, courses, control, measures, sensing, driving, rules, told_at_rest]),
         observe=(observe, [memory, courses, control, sensing, driving, rules]),
         rewarded=REWARDED,
         observed=OBSERVED,
