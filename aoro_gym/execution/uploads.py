@@ -25,6 +25,7 @@ class Uploads:
     def __init__(self, arrays: Arrays):
         self._arrays = arrays
         self._stream: Any = None
+        self._mark: Any = None  # of what was asked for, see follow_last()
         if arrays.device.type != "cpu":
             import torch  # pyright: ignore[reportMissingImports]
 
@@ -54,6 +55,14 @@ class Uploads:
         """Let what is sent from now on wait for all that was asked for before."""
         if self._stream is not None:
             self._stream.wait_stream(self._torch.cuda.current_stream(self._arrays.device))
+
+    def follow_last(self) -> None:
+        """Let what is sent from now on wait for all that had been asked for when this was called last."""
+        if self._stream is None:
+            return
+        if self._mark is not None:
+            self._stream.wait_event(self._mark)
+        self._mark = self._torch.cuda.current_stream(self._arrays.device).record_event(self._mark)
 
     def _beside(self) -> AbstractContextManager[Any]:
         return nullcontext() if self._stream is None else self._torch.cuda.stream(self._stream)

@@ -1,5 +1,6 @@
 """A control step as a few launches: those of a task around that of its twins, and those that begin episodes where others
-end; recorded once, on CUDA as one graph.
+end; recorded once, on CUDA as two graphs. What the host waits for stands between them: it reads how a step has ended while
+the device begins the next episodes.
 
 What stands in the launches are addresses, so all that they share with the host is written in place. Terms that are functions
 of the user's own are left to the host: they are asked after the launches, as those of tasks without kernels are.
@@ -25,6 +26,7 @@ from aoro_gym.envs.core.kernels.step import (
     TERMINATED,
     TRUNCATED,
     StepMemory,
+    clear_flags,
     rest_outputs,
 )
 from aoro_gym.envs.core.task import Outputs
@@ -90,7 +92,7 @@ class KernelStep:
         """Actions as they were given (N, A)."""
         self.resetting, self.keeps = arrays.zeros(n, xp.bool), arrays.zeros(n, xp.bool)
         """Whose episode begins in the step, and whose observation stays as it was (N,)."""
-        self._flags = arrays.zeros(7, xp.int32)
+        self._flags = arrays.zeros(8, xp.int32)
         self._begun, self.known = arrays.zeros(n, xp.int64), arrays.zeros((5, n), xp.float32)
         self._values, self._rewards = arrays.zeros((terms, n), xp.float32), arrays.zeros(n, xp.float32)
         self._ending, self._ended = arrays.zeros(n, xp.int64), arrays.zeros((4, n), xp.bool)
@@ -101,15 +103,11 @@ class KernelStep:
         """Likewise (N,)."""
         self._memory = self._shared(env)
         self._give: Callable[[Array], Any] = partial(np.copyto, self.given) if arrays.on_host else self.given.copy_
-        self._clear: Callable[[], Any] = partial(self._flags.fill, 0) if arrays.on_host else self._flags.zero_
-        if twin.device.is_cuda:
-            self._clear = self._memory.flags.zero_
         kernels = env.task.kernels(self._memory)
         self._kernels = kernels  # a recorded launch holds addresses, not what lies there
         self._tell_terms(env, kernels)
-        self._before = [self._recorded(launch) for launch in kernels.before]
-        self._after = [self._recorded(launch) for launch in kernels.after]
         self._observe = self._recorded(kernels.observe)
+        self._step = self._step_launches(kernels)
         self._rest = [
             self._recorded((rest_outputs, [self._memory, arrays.shared(self.known)])),
             self._recorded(kernels.rest),
@@ -117,9 +115,10 @@ class KernelStep:
         self._drawn: Any = None
         self._write: RecordedLaunch | None = None
         self._begin: list[Callable[[], Any]] = []
+        self._parts = [self._step]  # of a control step; a second one begins episodes
         self._final = self._observation
         self._logged = self._all_logged(env, kernels)
-        self._graph: Any = None
+        self._graphs: list[Any] = []  # of the parts
         self._runs = 0
         on_gpu = twin.device.is_cuda
         self._events = [[wp.Event(twin.device, enable_timing=True) for _ in range(2)] for _ in range(2 * on_gpu)]
@@ -185,49 +184,51 @@ class KernelStep:
             self._twin.device.stream.record_event(events[0])
         self._give(actions)
         self._runs += 1
-        if self._graph is not None:
-            wp.capture_launch(self._graph)
-        else:
-            self._launch()
-            if events:  # what the launches need is loaded now
-                self._graph = self._captured()
+        self._launch(0)
         if self._on_host:
             for here, there in self._on_host[self._runs % 2]:
                 here.copy_(there, non_blocking=True)
         if events:
             self._twin.device.stream.record_event(events[1])
+        if self._begin:
+            self._launch(1)
+        if events and not self._graphs:  # what the launches need is loaded now
+            self._graphs = [self._captured(calls) for calls in self._parts]
 
     @property
     def computing(self) -> bool:
-        """Whether the device is still at the last step, for which nothing waits."""
+        """Whether the device is still at the last step, how that ends not being known yet; nothing waits for it."""
         return bool(self._events) and self._runs > 0 and not self._events[(self._runs - 1) % 2][1].is_complete
 
     @property
     def seconds(self) -> float:
-        """Time [s] that a GPU took for the step before the last one, which it has done; 0 where there was none."""
+        """Time [s] that a GPU took for the step before the last one, until it was known how that ends; 0: there was none."""
         if not self._events or self._runs < 2:
             return 0.0
         first, last = self._events[self._runs % 2]
         return 1e-3 * wp.get_event_elapsed_time(first, last)
 
-    def _launch(self) -> None:
-        self._clear()
-        for each in self._before:
-            each.launch()
-        self._advance(0, self.num_envs)
-        for each in self._after:
-            each.launch()
-        self._observe.launch()
-        for call in self._begin:
-            call()
+    def _step_launches(self, kernels: TaskKernels) -> list[Callable[[], Any]]:
+        """Those that make a control step, observation included."""
+        before, after = ([self._recorded(launch).launch for launch in some] for some in (kernels.before, kernels.after))
+        clear = self._recorded((clear_flags, [self._memory]), 1).launch
+        return [clear, *before, partial(self._advance, 0, self.num_envs), *after, self._observe.launch]
 
-    def _captured(self) -> Any:
-        """All launches as one graph; torch's own stream, where it is the default one, cannot be captured."""
+    def _launch(self, part: int) -> None:
+        if self._graphs:
+            wp.capture_launch(self._graphs[part])
+        else:
+            for call in self._parts[part]:
+                call()
+
+    def _captured(self, calls: Sequence[Callable[[], Any]]) -> Any:
+        """``calls`` as one graph; torch's own stream, where it is the default one, cannot be captured."""
         with (
             wp.ScopedStream(wp.Stream(self._twin.device)) as stream,
             wp.ScopedCapture(stream=stream, force_module_load=False) as capture,
         ):
-            self._launch()
+            for call in calls:
+                call()
         return capture.graph
 
     def judged_view(self) -> Any:
@@ -258,9 +259,10 @@ class KernelStep:
             in_step: Whether they begin in the launches of a step in which others end.
         """
         memory = self._memory
-        if self._graph is not None:
-            wp.synchronize_device(self._twin.device)  # it may be at that graph
-        self._drawn, self._write, self._begin, self._graph, self._on_host = drawn, None, [], None, []
+        if self._graphs:
+            wp.synchronize_device(self._twin.device)  # it may be at them
+        self._drawn, self._write, self._begin, self._graphs, self._on_host = drawn, None, [], [], []
+        self._parts = [self._step]
         if drawn is None:
             return
         threads = THREADS if self._twin.device.is_cuda else 1
@@ -268,10 +270,9 @@ class KernelStep:
         if in_step:
             self._final = self._arrays.copy(self._observation)
             rests = (each.launch for each in (*self._rest, self._observe))
-            self._begin = [
-                self._recorded((choose, [memory, drawn])).launch, self._keeping(), self._write.launch,
-                self._twin.recorded_reset().launch, *rests,
-            ]  # fmt: skip
+            choosing = self._recorded((choose, [memory, drawn])).launch
+            self._begin = [self._keeping(), self._write.launch, self._twin.recorded_reset().launch, *rests]
+            self._parts = [[*self._step, choosing], self._begin]
             if self._twin.device.is_cuda:
                 there = self._flags, self._ended[int(DONE)]
                 self._on_host = [
@@ -301,8 +302,8 @@ class KernelStep:
             each.launch()
 
     def wait(self) -> tuple[list[int], NDArray[np.bool_]]:
-        """The flags, and for another step whose episode has ended (N,), when a step that begins episodes, too, is done; not
-        what was launched after it."""
+        """The flags, and for another step whose episode has ended (N,), when it is known how a step ends; episodes that it
+        begins, and what was launched after them, are not waited for."""
         if not self._on_host:
             return self._flags.tolist(), self._ended[int(DONE)].numpy().copy()
         wp.synchronize_event(self._events[(self._runs - 1) % 2][1])

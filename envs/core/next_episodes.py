@@ -160,8 +160,13 @@ class NextEpisodes:
         self._arrive()
 
     def launched(self) -> None:
-        """The launches of a step have been asked for, which begin those episodes that are ready now."""
+        """The launches of a step have been asked for, which begin those episodes that are ready now.
+
+        Those of the step before may still read what these began with: others come to its place after them.
+        """
         self._ready_then = self.ready.copy()
+        if self._uploads is not None:
+            self._uploads.follow_last()
 
     def began(self, env: Any, done: NDArray[np.bool_]) -> None:
         """The launches of a step began episodes where ``done`` (N,), of those that were drawn.

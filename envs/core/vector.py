@@ -571,7 +571,7 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
     def _advance_and_begin(self, kernels: KernelStep, following: NextEpisodes, actions: Array) -> Result:
         """A control step whose launches also begin the episodes ``following``, those that are drawn, where others end.
 
-        From the end of the launches to those of the next step a GPU has nothing to do: what can be done before is.
+        A GPU that has begun them has nothing to do until the next step is launched: what can be done before is.
         """
         kernels.run(actions)
         following.launched()
@@ -581,11 +581,13 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
         results = None if self._brings_home else self._results(kernels, ENDS)
         following.draw_during(self, kernels)
         flags, done = kernels.wait()
-        *wrong, any_terminated, any_done, begun, left = flags
+        *wrong, any_terminated, any_done, begun, left, wrong_beginning = flags
         if begun:
             following.began(self, done)
         if any(wrong):
             self._complain(wrong, self._meant(kernels), kernels.values())
+        if wrong_beginning:
+            self._complain_of_observation()
         if left:
             self._begin_others(following.undrawn(done))
             results = None

@@ -37,3 +37,28 @@ def test_rows_are_there_for_what_follows_and_the_others_stay(device):
         expected[rows] = values
         np.testing.assert_array_equal(there.cpu().numpy(), expected)
         assert np.flatnonzero(marked.cpu().numpy()).tolist() == rows.tolist()
+
+
+@pytest.mark.parametrize("device", DEVICES)
+def test_rows_follow_what_was_asked_for_a_turn_before(device):
+    """Each turn reads some rows, after much else, and sends those that the turn before read."""
+    arrays = Arrays.torch(device)
+    there, busy = arrays.zeros((50, 400), torch.int64), arrays.ones((500, 500))
+    uploads, expected = Uploads(arrays), np.zeros((50, 400), dtype=np.int64)
+    uploads.follow()
+    index = [arrays.uploaded(np.arange(start, 50, 5)) for start in range(5)]
+    seen = []
+    for turn in range(20):
+        for _ in range(10):
+            busy = busy @ busy / 500.0
+        seen.append((there[index[turn % 5]], expected[turn % 5 :: 5].copy()))
+        uploads.follow_last()
+        if turn > 0:
+            rows = np.arange((turn - 1) % 5, 50, 5)
+            values = np.arange(400) + 1000 * turn + rows[:, None]
+            sent = uploads.send(there, rows, lambda here, values=values: np.copyto(here, values))
+            expected[rows] = values
+            if turn % 5 == 4:  # before rows are read again
+                uploads.arrive(sent)
+    for read, then in seen:
+        np.testing.assert_array_equal(read.cpu().numpy(), then)

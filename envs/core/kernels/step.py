@@ -6,9 +6,9 @@ from aoro_gym.envs.core import contacts
 from aoro_gym.twin.records import Output, State
 
 UNMEANT, WRONG_REWARD, WRONG_OBSERVATION, ANY_TERMINATED, ANY_DONE = (wp.constant(number) for number in range(5))
-BEGUN, LEFT = (wp.constant(number) for number in (5, 6))
-"""Rows of the flags; the last ones are how many episodes begin, and whether any sub-environment is left to the host to begin
-another."""
+BEGUN, LEFT, WRONG_BEGINNING = (wp.constant(number) for number in (5, 6, 7))
+"""Rows of the flags; the last ones are how many episodes begin, whether any sub-environment is left to the host to begin
+another, and whether an episode began with a wrong observation in the step before."""
 TERMINATED, TRUNCATED, DONE, RUNNING = (wp.constant(number) for number in range(4))
 """Rows of what a step ended with."""
 OWN = wp.constant(-1)
@@ -34,7 +34,7 @@ class StepMemory:
     status: wp.array(dtype=int)  # likewise
     steps: wp.array(dtype=wp.int64)  # (N,) since the episode began
     resetting: wp.array(dtype=wp.bool)  # (N,) whose episode begins in this step
-    flags: wp.array(dtype=int)  # (7,)
+    flags: wp.array(dtype=int)  # (8,)
     begun: wp.array(dtype=wp.int64)  # (N,) whose episodes begin; so many of them as the flags say
     weights: wp.array(dtype=wp.float64)  # (T,)
     reward_kinds: wp.array(dtype=int)  # (T,)
@@ -48,6 +48,16 @@ class StepMemory:
     lowest: wp.array(dtype=float)  # (D,)
     highest: wp.array(dtype=float)  # (D,)
     observation: wp.array2d(dtype=float)  # (N, D)
+
+
+@wp.kernel(enable_backward=False, module="aoro_gym.envs.core.kernels")
+def clear_flags(m: StepMemory):
+    """None is set, at the beginning of a step, but for a first observation that was wrong, which the host has not read: no
+    episode begins where one of a step is. One thread."""
+    wrong = m.flags[WRONG_OBSERVATION] * wp.min(m.flags[BEGUN], 1)
+    for row in range(m.flags.shape[0]):
+        m.flags[row] = 0
+    m.flags[WRONG_BEGINNING] = wrong
 
 
 @wp.func
