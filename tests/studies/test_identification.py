@@ -247,7 +247,7 @@ def test_what_a_machine_cannot_meet_stays_on_the_nearest_end():
 
 def test_the_most_probable_machine_is_fitted_without_the_level_that_it_predicts():
     """Seven figures a level, then two of each level's swing, then four single ones; the rims' speed, the third of these, is
-    of the turn at 100 %."""
+    of the turn at 100 %. The real machine's swing is not published."""
     rows = {split.left_out: known(split) for split in BY_LEVEL if split.reference == "mevea"}
     assert {name: np.flatnonzero(~which).tolist() for name, which in rows.items()} == {
         "100": [0, 1, 2, 3, 4, 5, 6, 21, 22, 29],
@@ -255,3 +255,8 @@ def test_the_most_probable_machine_is_fitted_without_the_level_that_it_predicts(
         "50": [14, 15, 16, 17, 18, 19, 20, 25, 26],
     }
     assert {len(which) for which in rows.values()} == {31}
+    assert known(Split("mevea", "nothing")).all()
+    for split in (split for split in BY_LEVEL if split.reference == "physical"):
+        assert np.flatnonzero(rows[split.left_out] & ~known(split)).tolist() == [
+            row for row in range(21, 27) if rows[split.left_out][row]
+        ]
