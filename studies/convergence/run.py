@@ -3,7 +3,7 @@
 Left turns at 100, 75 and 50 % signal are run with many steps in float32, as the twin is, and in float64
 (:mod:`studies.convergence.precision`). What is off in float64 is discretisation, the rest is rounding. The reference is the
 float64 build at hydraulic steps of 0.5 µs. Beside it stand the continuous equations, written apart and integrated by SciPy
-(:mod:`tests.oracles.machine`; ``--solver``, minutes a turn).
+(:mod:`tests.oracles.machine`; ``--solver``, minutes a turn), also with a command's delay that is a whole number of steps.
 
     python -m studies.convergence.run --json studies/convergence/steps.json
     python -m studies.convergence.run --solver 1e-6 --json studies/convergence/solver.json
@@ -199,10 +199,13 @@ def main() -> None:
     machine = Machine.load(args.machine)
     kinds = {"float32": Twin, "float64": build("aoro_float64", wide=True).Twin}
     reference = turns(kinds["float64"], machine, *FINEST)
+    whole = machine.set({"steering.valve.command_delay": WHOLE_DELAY}, si=True)
     if args.solver:
-        rows = solver(kinds["float64"], machine, reference, args.solver)
+        found = {"turns": solver(kinds["float64"], machine, reference, args.solver)}
+        reference = turns(kinds["float64"], whole, *FINEST)
+        found["turns_whole_delay"] = solver(kinds["float64"], whole, reference, args.solver)
         if args.json:
-            write_json(args.json, {"turns": rows})
+            write_json(args.json, {"machine": args.machine} | found)
         return
     coarser = turns(kinds["float64"], machine, FINEST[0], FINEST[1] // 2)
     result: dict[str, Any] = {
@@ -211,7 +214,6 @@ def main() -> None:
         "reference": deviation(coarser, reference, machine),
         "figures": each_figure(kinds, machine, reference),
     }
-    whole = machine.set({"steering.valve.command_delay": WHOLE_DELAY}, si=True)
     tables = {
         "substeps": (machine, [(1e-3, n) for n in SUBSTEPS]),
         "main_step": (machine, MAIN_STEPS),
