@@ -113,7 +113,7 @@ def environment(
         _settle(env, actions)  # after the copy, before which what was drawn is given back
     found = timed(parts, device, seconds)
     if device.startswith("cuda") and env._kernel_step is not None:
-        found["from a launch to its flags, episodes that begin included"] = _launched(env, actions)
+        found["from a launch until its flags are there, episodes ending"] = _launched(env, actions)
     return found
 
 

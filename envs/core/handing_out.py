@@ -1,7 +1,7 @@
 """NumPy's arrays of environments whose own arrays are on a device.
 
-The step of a task in kernels is one graph on a GPU (:mod:`aoro_gym.envs.core.kernel_step`) and leaves tensors there. Where
-NumPy's arrays are asked for, these are brought to the host in one copy at the end of a step, and in a second one where
+The step of a task in kernels is a graph or two on a GPU (:mod:`aoro_gym.envs.core.kernel_step`) and leaves tensors there.
+Where NumPy's arrays are asked for, these are brought to the host in one copy at the end of a step, and in a second one where
 the host begins episodes after it. What is handed out is made of them on the host, as if all had been calculated there.
 """
 
