@@ -14,17 +14,20 @@ from aoro_gym.diagnosis_benchmark.independent.recording import Run
 from .catalogue import EFFECTS, Effect
 from .families import FAMILIES, GROUP
 from .outside import FAMILIAR, OUTSIDE
+from .parts import ALL_FAMILIES, SEALED
 
 machine, another_day, nominal = GROUP.machine, GROUP.another_day, GROUP.nominal
 apply, measure, magnitudes = GROUP.apply, GROUP.measure, GROUP.magnitudes
 record, trace = partial(recording.record, GROUP), partial(recording.trace, GROUP)
 
 __all__ = [
+    "ALL_FAMILIES",
     "EFFECTS",
     "FAMILIAR",
     "FAMILIES",
     "GROUP",
     "OUTSIDE",
+    "SEALED",
     "Effect",
     "Outside",
     "Run",

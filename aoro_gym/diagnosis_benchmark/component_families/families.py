@@ -15,7 +15,8 @@ from .parts import FAMILIES, Family, family_of, laws_of
 
 SHIFTED = {"oil_temperature": "temperature", "payload": "payload", "ground_slope": "slope_angle"}
 """Constants that an effect shifts by its size."""
-BENT = {"fir": "loading", "hazel": "eccentricity", "maple": "rail_error", "oak": "imbalance", "larch": "linkage"}
+BENT = {"fir": "loading", "hazel": "eccentricity", "maple": "rail_error", "oak": "imbalance", "larch": "linkage",
+        "aspen": "rod_error", "pine": "slide_error", "yew": "track_wear"}  # fmt: skip
 """Constants of the joint sensor that its gain shifts."""
 
 

@@ -20,6 +20,11 @@ from aoro_gym.diagnosis_benchmark.independent.constants import Constant
 from .vehicle import STILL, Made, geometry
 
 FAMILIES = ("elm", "fir", "hazel", "maple", "oak", "larch")
+"""Families that mixtures are of, and that anybody may train on."""
+SEALED = ("aspen", "pine", "yew")
+"""Families that judge and nothing else: no mixture has a part of them."""
+ALL_FAMILIES = FAMILIES + SEALED
+"""All families."""
 MIXED = "mixed"
 """Begins the names of mixtures."""
 
@@ -34,7 +39,9 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
         "tires": (
             "brake_torque motor_viscosity soil_modulus cone_number shear_displacement ground_friction patch_radius "
             "inflation scrub_limit shear relaxation_length twist_stiffness twist_base tire_damping bearing adhesion "
-            "tread_width carcass churning soil_stress bore_radius stiff_along stiff_across cone_index disc_radius sidewall"
+            "tread_width carcass churning soil_stress bore_radius stiff_along stiff_across cone_index disc_radius sidewall "
+            "contact_pressure lug_height penetration motor_rub turf_stiffness soil_stiffness contact_length belt_rigidity "
+            "rut_modulus"
         ),
         "hinge": "hinge_torque",
         "seals": "seal_force seal_ratio stribeck_speed seal_viscosity",
@@ -53,20 +60,28 @@ CONSTANTS: Mapping[str, tuple[str, ...]] = {
             "slot_left slot_right check_drop torque_limit swash_lag swash_friction relief_band relief_lag return_length "
             "return_gas hose_relaxed wall_fast wall_slow coil_radius piston_gap play_width discharge "
             "compensator_frequency spring_travel stroke_down control_band control_time power_end cooler_bore "
-            "critical_pressure hose_rubber port_gap spool_acceleration bouc_width curve_scale"
+            "critical_pressure hose_rubber port_gap spool_acceleration bouc_width curve_scale "
+            "priority_lag priority_band priority_drop bypass_drop poppet_pressure poppet_band filter_cake bulk_most "
+            "pocket_at_rest neck_resistance hose_expansion piston_clearance bore_opening bristle_friction amplification "
+            "pipe_length pipe_bore flexible bubble_share ring_gap crack_width slip_width transducer_scale sense_limit "
+            "cock_angle compensator_port drop_spring bridge_ratio bridge_spring strainer_drop lift_pressure lift_band "
+            "vane_band foam_share foam_time braid_slack braid_modulus braid_friction barrel_gap land_gap capstan"
         ),
         "command": (
             "command_gain command_delay bus_cycle bus_delay driver_window driver_delay remote_lag remote_delay "
-            "input_lag input_delay filter_cycle filter_lag"
+            "input_lag input_delay filter_cycle filter_lag "
+            "pulse_period third_lag third_delay median_window median_delay"
         ),
         "angle": (
             "angle_gain angle_offset angle_delay angle_lag sample_hold loading update_period angle_window eccentricity "
             "angle_noise angle_step bus_queue poll_period angle_ladder rail_error stamp_cycle imbalance "
-            "queue_time damper_lag linkage"
+            "queue_time damper_lag linkage "
+            "beat_delay tent_window rod_error twin_delay angle_cube slide_error packet_wait hann_window track_wear"
         ),
         "chain": (
             "chain_window chain_delay chain_lag pressure_offset_a pressure_offset_b pressure_offset_pump pressure_noise "
-            "dwell decimation resample_period"
+            "dwell decimation resample_period "
+            "raised_window"
         ),
     }.items()
 }
@@ -113,13 +128,17 @@ class Family:
         return {part: importlib.import_module(f"{__package__}.{family}") for part, family in self.parts.items()}
 
     @cached_property
+    def families(self) -> tuple[str, ...]:
+        """Families of the parts, in their order."""
+        return tuple(family for family in ALL_FAMILIES if family in self.parts.values())
+
+    @cached_property
     def TABLE(self) -> Mapping[str, Constant]:
         """Constants of all parts, family by family in the order in which each has them."""
-        tables = {family: importlib.import_module(f"{__package__}.{family}").TABLE for family in FAMILIES}
         return {
             name: one
-            for family, table in tables.items()
-            for name, one in table.items()
+            for family in self.families
+            for name, one in importlib.import_module(f"{__package__}.{family}").TABLE.items()
             if self.parts[PART_OF[name]] == family
         }
 
@@ -128,7 +147,7 @@ class Family:
         """Constants that an effect changes, and how, by the family of the part that has it."""
         return {
             effect: constants
-            for family in FAMILIES
+            for family in self.families
             for effect, constants in importlib.import_module(f"{__package__}.{family}").REALISED.items()
             if self.parts[PART_OF[next(iter(constants))]] == family
         }
@@ -165,11 +184,11 @@ def family_of(name: str) -> Family:
     Raises:
         ValueError: There is no such family.
     """
-    if name in FAMILIES:
+    if name in ALL_FAMILIES:
         return Family(name, dict.fromkeys(PARTS, name))
     families, number = mixed_of(name), name.rpartition("_")[2]
     if not families or not number.isdecimal() or mixture(families, int(number)) != name:
-        known = ", ".join(FAMILIES)
+        known = ", ".join(ALL_FAMILIES)
         raise ValueError(f"family must be one of {known}, or a mixture such as mixed_elm_fir_0012, not {name!r}")
     rng = np.random.default_rng([int(number), *" ".join(families).encode()])
     return Family(name, {part: str(rng.choice(families)) for part in PARTS})

@@ -7,11 +7,13 @@ import pytest
 
 from aoro_gym.diagnosis_benchmark import component_families as component
 from aoro_gym.diagnosis_benchmark.component_families.parts import (
+    ALL_FAMILIES,
     CONSTANTS,
     FAMILIES,
     LAWS,
     PART_OF,
     PARTS,
+    SEALED,
     Family,
     family_of,
     laws_of,
@@ -49,11 +51,19 @@ def test_a_mixture_of_one_family_is_that_family(family: str) -> None:
 def test_every_constant_is_of_one_part() -> None:
     names = [name for part in CONSTANTS.values() for name in part]
     assert len(names) == len(set(names))
-    assert set(names) == {name for family in FAMILIES for name in module(family).TABLE}
-    for family in FAMILIES:
+    assert set(names) == {name for family in ALL_FAMILIES for name in module(family).TABLE}
+    for family in ALL_FAMILIES:
         assert dict(family_of(family).TABLE) == dict(module(family).TABLE)
         for constants in module(family).REALISED.values():
             assert len({PART_OF[name] for name in constants}) == 1  # an effect has one part
+
+
+def test_no_mixture_has_a_part_of_a_family_that_judges() -> None:
+    assert not set(FAMILIES) & set(SEALED)
+    assert mixture(ALL_FAMILIES, 3) == mixture(FAMILIES, 3)
+    for family in SEALED:
+        with pytest.raises(ValueError, match="family must be one of"):
+            family_of(f"mixed_elm_{family}_0001")
 
 
 def test_a_mixture_has_the_constants_of_its_parts() -> None:
@@ -107,7 +117,8 @@ def test_days_vary_as_those_of_each_part() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["pine", "mixed", "mixed_0001", "mixed_fir_elm_0001", "mixed_elm_elm_0001", "mixed_elm_7"]
+    "name",
+    ["spruce", "mixed", "mixed_0001", "mixed_fir_elm_0001", "mixed_elm_elm_0001", "mixed_elm_7", "mixed_pine_0001"],
 )
 def test_what_is_no_family_is_an_error(name: str) -> None:
     with pytest.raises(ValueError, match="family must be one of"):

@@ -11,7 +11,7 @@ from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, PlantRun,
 STEERING = np.r_[np.zeros(10), np.full(30, 0.8)]
 
 
-@pytest.mark.parametrize("family", [*component.FAMILIES, "mixed_elm_fir_hazel_0002"])
+@pytest.mark.parametrize("family", [*component.ALL_FAMILIES, "mixed_elm_fir_hazel_0002"])
 def test_a_family_records_what_the_judge_asks(family: str) -> None:
     plants: Plants = ComponentPlants(family)
     machine = plants.machine(np.random.default_rng(1))

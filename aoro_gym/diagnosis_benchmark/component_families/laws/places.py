@@ -13,7 +13,8 @@ STROKE, CONTROL = 42, 43  # of the pump, share of the full one; its controller
 COMPENSATOR, SPOOL, SPOOL_RATE, DRIVER, HYSTERESIS = 44, 45, 46, 47, 48
 LINE = 49  # four of the lines: pressures and flows of A and B, or creep of their walls
 GAS = 53  # two: free share of the gas in A and B
-N_STATES = 55
+WAVE = 55  # two: flows in the far halves of long lines
+N_STATES = 57
 
 State = wp.types.vector(length=N_STATES, dtype=wp.float64)
 Tire = wp.types.vector(length=6, dtype=wp.float64)
