@@ -1,6 +1,6 @@
 """The judged suite: drawn by the operating system's chance, simulated, judged, written and sealed.
 
-``python -m studies.seal FOLDER ANSWERS [--families component] [--suite NAME] [--device cuda:0] [--processes N] [--stock]``
+``python -m studies.seal FOLDER ANSWERS [--families GROUP] [--suite NAME] [--device cuda:0] [--processes N] [--stock]``
 goes on where it was stopped: libraries and calibrated machines are kept in ``FOLDER``. Calibration takes 22 to 30 minutes a
 machine on two cores; with ``--stock`` only the suite with the stock machine file is made. Families are simulated beside one
 another in processes, which a GPU shares out best with its multi-process service.
@@ -15,7 +15,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 from aoro_gym.diagnosis_benchmark.judge.observed import observe
-from aoro_gym.diagnosis_benchmark.judge.plants import JUDGED, LayeredPlants, Plants, judged_plants
+from aoro_gym.diagnosis_benchmark.judge.plants import JUDGED, OPEN, LayeredPlants, Plants, judged_plants
 from aoro_gym.diagnosis_benchmark.judge.suite import SUITES
 from aoro_gym.diagnosis_benchmark.judged_suite import VARIANTS, calibrate_on, draw, write_machines, write_suite
 from aoro_gym.execution.files import read_json
@@ -35,7 +35,7 @@ def main() -> None:
     variants = VARIANTS[:1] if options.stock else VARIANTS
     judged = judged_plants(options.families, options.device)
     others: list[Plants] = [LayeredPlants(level, options.device) for level in LEVELS]
-    for group in JUDGED:
+    for group in dict.fromkeys((*OPEN, options.families)):
         others += judged_plants(group, options.device)
     made = draw(SUITES[options.suite], judged, options.answers)
     options.folder.mkdir(parents=True, exist_ok=True)

@@ -1,6 +1,6 @@
 """What the networks of the diagnosis name in a judged suite, beside what the judge says can be named.
 
-``python -m studies.seal_score FOLDER ANSWERS OUT [--families component] [--workers N]`` reads the cases in ``FOLDER/stock``,
+``python -m studies.seal_score FOLDER ANSWERS OUT [--families GROUP] [--workers N]`` reads the cases in ``FOLDER/stock``,
 which :mod:`studies.seal` has made, asks the networks that come with the package with every usual set of sensors, and with
 all of them without the healthy day, and writes ``seal.json`` and ``seal.md`` into ``OUT``; what was said is kept there, and
 the cases are not needed again. Names, declared sets and sizes are the networks' in

@@ -155,8 +155,21 @@ class ComponentPlants(IndependentPlants):
     JUDGING: ClassVar[tuple[str, ...]] = ("elm", "fir", "hazel")
 
 
-JUDGED: Mapping[str, type[IndependentPlants]] = {"independent": IndependentPlants, "component": ComponentPlants}
+@dataclass(frozen=True)
+class SealedPlants(ComponentPlants):
+    """A family of :mod:`aoro_gym.diagnosis_benchmark.component_families` that judges and nothing else."""
+
+    JUDGING: ClassVar[tuple[str, ...]] = component_families.SEALED
+
+
+JUDGED: Mapping[str, type[IndependentPlants]] = {
+    "independent": IndependentPlants,
+    "component": ComponentPlants,
+    "sealed": SealedPlants,
+}
 """Plants that a judged suite may be of."""
+OPEN: tuple[str, ...] = ("independent", "component")
+"""Groups of families that anybody may know: what can be told apart in any suite is judged beside them."""
 
 
 def judged_plants(group: str, device: str = "cpu") -> list[IndependentPlants]:

@@ -4,9 +4,10 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from aoro_gym.diagnosis_benchmark import component_families
-from aoro_gym.diagnosis_benchmark.judge.plants import ComponentPlants, IndependentPlants
+from aoro_gym.diagnosis_benchmark.judge.plants import JUDGED, ComponentPlants, IndependentPlants, judged_plants
 from aoro_gym.diagnosis_benchmark.judge.suite import FAMILIAR, SUITES, Plan, plan
 from tests.diagnosis_benchmark.judge.families import Made
 
@@ -50,8 +51,9 @@ def test_names_of_the_familiar_kinds_are_there() -> None:
     assert {*IndependentPlants("alder").outside, *ComponentPlants("fir").outside} >= FAMILIAR
 
 
-def test_the_seal_can_be_planned_on_component_families() -> None:
-    families = [ComponentPlants(name) for name in component_families.FAMILIES]
+@pytest.mark.parametrize("names", [component_families.FAMILIES, component_families.SEALED])
+def test_the_seal_can_be_planned_on_component_families(names: tuple[str, ...]) -> None:
+    families = [ComponentPlants(name) for name in names]
     found = plan(SUITES["seal"], families, 1)
     assert len(found.cases) >= 1500
     kinds = {case.outside[0] for case in found.cases if case.outside is not None}
@@ -60,6 +62,12 @@ def test_the_seal_can_be_planned_on_component_families() -> None:
         plants = next(one for one in families if one.name == case.family)
         runs = found.runs(case, plants, found.machine(plants, case.machine))
         assert all(plants.magnitude(e, r.machine, s) for r in runs["logs"] for e, s in r.effects.items())
+
+
+def test_groups_judge_by_families_of_their_own() -> None:
+    judging = [one.name for group in JUDGED for one in judged_plants(group)]
+    assert len(judging) == len(set(judging))
+    assert [one.name for one in judged_plants("sealed")] == ["aspen", "pine", "yew"]
 
 
 def test_cases_of_one_machine_share_its_healthy_day() -> None:
