@@ -27,6 +27,21 @@ def test_each_effect_moves_its_magnitude_by_what_is_asked(family: str) -> None:
                 assert got == pytest.approx(size, rel=1e-6), name
 
 
+@pytest.mark.parametrize("family", component.SEALED)
+def test_machines_at_the_ends_of_all_ranges_can_have_what_cases_draw(family: str) -> None:
+    """A gain of the valve moves how far the compensator may open beside it: the pair that comes closest to what can be."""
+    rng, table = np.random.default_rng(6), component.GROUP.family_of(family).TABLE
+    opening, gain = (component.EFFECTS[name].strong for name in ("compensator_opening", "valve_gain"))
+    for _ in range(40):
+        drawn = {name: float(rng.choice((one.low, one.high))) for name, one in table.items()}
+        machine = component.another_day(family, drawn, rng)
+        for size in (-gain, 0.0, gain):
+            made = component.GROUP.apply_all(family, machine, {"valve_gain": size, "compensator_opening": opening})
+            before = component.apply("valve_gain", family, machine, size)
+            kicks = [component.measure("compensator_opening", family, one) for one in (before, made)]
+            assert kicks[1] / kicks[0] == pytest.approx(1 + opening, rel=1e-6)
+
+
 def test_there_are_all_effects_with_sizes_and_realisations() -> None:
     assert len(component.EFFECTS) == 33
     for family in component.ALL_FAMILIES:
