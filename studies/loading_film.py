@@ -1,8 +1,8 @@
 """A film of loading and driving off: a log beside the machine, on the bunk, and away with it.
 
-``python -m studies.loading_film --out loading.webp`` lets ``waypoints`` load a held-out log, puts it into the bunk of the
-same twin as its payload, folds the crane by proportional signals, and drives off to the left. Eight pictures a second, at
-twice the speed.
+``python -m studies.loading_film --out loading.webp`` lets ``loading-ppo``, or another policy, load a held-out log, puts it
+into the bunk of the same twin as its payload, folds the crane by proportional signals, and drives off to the left. Eight
+pictures a second, at twice the speed.
 """
 
 import argparse
@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from aoro_gym.agents.controllers.reference import reference_policy
+from aoro_gym.agents.evaluation.evaluate import policy_factory
+from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.envs import LoadingVectorEnv
 from aoro_gym.envs.core.rendering import Canvas
 from aoro_gym.envs.loading.logs import GroundLog, held_out_sites
@@ -89,9 +90,8 @@ def _turn(angle: float) -> NDArray[np.float64]:
     return np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
 
 
-def loaded(env: LoadingVectorEnv, ground: Ground, site: int, number: int) -> list[Image.Image]:
-    """Pictures of the loading of a log."""
-    policy = reference_policy(ENV, "waypoints", env)
+def loaded(env: LoadingVectorEnv, ground: Ground, policy: Policy, site: int, number: int) -> list[Image.Image]:
+    """Pictures of how a policy loads a log."""
     observations, _ = env.reset(seed=1, options={"site": site, "log": number})
     pictures = []
     for step in range(600):
@@ -140,6 +140,7 @@ def main() -> None:
     """Make the film."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--out", type=Path, default=Path("loading.webp"))
+    parser.add_argument("--policy", default="loading-ppo", help="who loads, as of 'aoro-gym evaluate'")
     parser.add_argument("--site", type=int, default=24)
     parser.add_argument("--log", type=int, default=1)
     arguments = parser.parse_args()
@@ -147,7 +148,8 @@ def main() -> None:
     machine = Machine.load("aoro")
     env = LoadingVectorEnv(1, courses=sites, autoreset_mode="Disabled", machine=machine)
     ground = Ground(machine, env.task.crane)
-    pictures = loaded(env, ground, arguments.site, arguments.log)
+    policy = policy_factory(ENV, arguments.policy)(env)
+    pictures = loaded(env, ground, policy, arguments.site, arguments.log)
     pictures += driven_off(env, ground, sites[arguments.site].logs[arguments.log])
     pictures[0].save(
         arguments.out, save_all=True, append_images=pictures[1:], duration=125, loop=0, quality=60, method=4

@@ -60,6 +60,18 @@ def test_the_learned_policy_does_as_well(envs):
     assert episodes.metrics["success_rate"].mean() >= 0.75 and np.all(episodes.metrics["sway_rms_deg"] < 12.0)
 
 
+def test_the_one_that_went_on_loads_in_less_time_and_energy_with_less_swing(envs):
+    """Log by log, beside the controller that succeeds."""
+    names = "duration_s", "energy_kJ", "sway_rms_deg"
+    learned = LearnedPolicy.load(shipped_policies(ENV)["loading-ppo"]).made_for(envs)
+    episodes = load_logs(envs, learned, list(range(8)))
+    assert episodes.endings == [PLACED] * 8 and np.all(episodes.metrics["success_rate"] == 1.0)
+    others = load_logs(envs, reference_policy(ENV, "waypoints", envs), list(range(8)))
+    for name in names:
+        less = others.metrics[name] - episodes.metrics[name]
+        assert np.all(less[others.metrics["success_rate"] == 1.0] > 0.0), name
+
+
 def test_seeds_in_a_row_load_every_log_once():
     sites = held_out_sites()
     assert len(np.unique(every_log(sites, range(200)), axis=0)) == 200

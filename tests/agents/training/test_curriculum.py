@@ -9,13 +9,15 @@ import pytest
 from aoro_gym.agents.training.curriculum import SPREADS, curriculum, stage_at
 from aoro_gym.agents.training.plan import HYPERPARAMS
 from aoro_gym.agents.training.recipe import entry_of
+from aoro_gym.envs.loading.config import MILD as LOADING_MILD
+from aoro_gym.envs.loading.rewards import REWARD_TERMS as LOADING_TERMS
 from aoro_gym.envs.path_tracking.config import MILD as TRACKING_MILD
 from aoro_gym.envs.path_tracking.rewards import REWARD_TERMS as TRACKING_TERMS
 from aoro_gym.envs.turning.config import FIXED, MILD
 from aoro_gym.envs.turning.rewards import REWARD_TERMS
 from aoro_gym.envs.turning.task import Turning
 
-TURNING, TRACKING = "AORO/Turning-v0", "AORO/PathTracking-v0"
+TURNING, TRACKING, LOADING = "AORO/Turning-v0", "AORO/PathTracking-v0", "AORO/Loading-v0"
 
 
 def test_stages_follow_each_other():
@@ -90,6 +92,17 @@ def test_a_packaged_curriculum_is_one_spread_from_the_beginning(env, name):
         spread.machine_scale,
         spread.sensor_noise,
     )
+
+
+def test_swing_costs_more_where_loading_ppo_learned():
+    pytest.importorskip("yaml")
+    (stage,) = curriculum(LOADING, entry_of(HYPERPARAMS / "loading_sway.yml", LOADING))
+    assert stage.start == 0.0 and stage.randomisation == LOADING_MILD
+    task: Any = SimpleNamespace()
+    stage.apply(task, LOADING_TERMS)
+    weights = {name: (term.weight, LOADING_TERMS[name].weight) for name, term in task.reward_terms.items()}
+    changed = {name: both for name, both in weights.items() if both[0] != both[1]}
+    assert changed == {"sway": (pytest.approx(3.0 * LOADING_TERMS["sway"].weight), LOADING_TERMS["sway"].weight)}
 
 
 @pytest.mark.parametrize(
