@@ -102,11 +102,17 @@ def test_a_network_learns_from_no_part_of_what_it_leaves_out() -> None:
 
 
 def test_a_family_is_asked_of_networks_that_never_saw_it() -> None:
-    """The shipped ones were taught before there were component families."""
-    files = list(networks_in(TRAINED))
-    for number, some in enumerate((("alder", "level_0", "level_3"), ("birch", "level_1"), ("cedar", "level_2"))):
-        assert all(unbiased(TRAINED, name) == [files[number]] for name in some)
-    assert all(unbiased(TRAINED, one.name) == files for one in COMPONENT)
+    """Of the shipped ones: each family by the one that left it out; what teaches all of them is asked of none."""
+    for file, some in zip(networks_in(TRAINED), LEFT_OUT, strict=True):
+        assert all(unbiased(TRAINED, name) == [file] for name in some)
+    with pytest.raises(ValueError, match="oak has taught all networks"):
+        unbiased(TRAINED, "oak")
+
+
+def test_networks_before_component_families_never_saw_them(tmp_path) -> None:
+    """What is told of them is what they left out of the families that there were."""
+    write_json(tmp_path / "training.json", {"networks": [{"file": "network_0.safetensors", "left_out": ["alder"]}]})
+    assert all(unbiased(tmp_path, one.name) == [tmp_path / "network_0.safetensors"] for one in COMPONENT)
 
 
 def test_a_family_that_has_taught_all_networks_is_not_asked(tmp_path) -> None:
@@ -145,7 +151,7 @@ def test_a_network_between_two_others_has_weights_between_theirs():
 
 
 def test_training_goes_on_from_networks_that_what_is_left_out_has_not_taught(tmp_path):
-    """The shipped ones left out a part of what is left out now, and component families have taught none of them."""
+    """The shipped ones left out what is left out now, each its own."""
     assert starts_in(TRAINED) == list(networks_in(TRAINED))
     for network in networks_in(TRAINED):
         (tmp_path / network.name).symlink_to(network)

@@ -38,7 +38,7 @@ SENSOR_SETS: Mapping[str, tuple[str, ...]] = {
 }
 """Channels of usual sets of sensors, the richest first."""
 ALARMS = 0.015
-"""Share of healthy cases that are taken for a gap, of the families that calibrate; of others it was 2.3 to 3.4 %."""
+"""Share of healthy cases that are taken for a gap, of the families that calibrate; of others it was 1.5 to 2.0 %."""
 SUSPECTED = 0.2
 """Share of healthy cases of which a gap is not ruled out: what it may be is declared, without a gap being said."""
 REJECTED = 0.02
