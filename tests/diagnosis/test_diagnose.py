@@ -19,7 +19,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.simulation.log import write_log
 from tests.diagnosis.manoeuvres import blank, record, turn
 
-MACHINE = Machine.load("aoro_least_squares")
+MACHINE = Machine.load("aoro")
 """Of the laws and parameters that the shipped networks learned on."""
 LAG = 0.05
 MANOEUVRES = [blank("left", turn(0.8, 2.2), -0.3), blank("right", turn(-0.6, 2.0), 0.3)]
