@@ -212,7 +212,10 @@ class KernelStep:
         """Those that make a control step, observation included."""
         before, after = ([self._recorded(launch).launch for launch in some] for some in (kernels.before, kernels.after))
         clear = self._recorded((clear_flags, [self._memory]), 1).launch
-        return [clear, *before, partial(self._advance, 0, self.num_envs), *after, self._observe.launch]
+        return [clear, *before, self._advance_twins, *after, self._observe.launch]
+
+    def _advance_twins(self) -> None:
+        self._advance(0, self.num_envs)
 
     def _launch(self, part: int) -> None:
         if self._graphs:
