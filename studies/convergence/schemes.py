@@ -48,14 +48,20 @@ def exchanged(*pairs: tuple[str, str]) -> Edit:
 
 
 STATE = "steering_circuit.py"
-SWASH = "        out.swash = swash_step(m, s.swash, p_s, s.ls_pressure, dt)\n"
 PORTS = "    out.port_a = fill_port(m, oil, gas.port_a, s.port_a, q_a, dt, g.volume_a)\n"
+TANK = "    out.tank_line = fill(oil, gas.tank_line, s.tank_line, q_tank, dt, m.tank_line_volume, m.tank_line_compliance)\n"
 SUPPLY = "    out.supply = fill(oil, gas.supply, s.supply, q_supply, dt, m.pump_line_volume, m.pump_line_compliance)\n"
 HELD = """    walls = m.hose_compliance
     q_a = q_a / (1.0 + dt * out.slope_a * volume_stiffness(oil, gas.port_a, s.port_a, g.volume_a, walls))
     q_b = q_b / (1.0 + dt * out.slope_b * volume_stiffness(oil, gas.port_b, s.port_b, g.volume_b, walls))
 """
-SLOPES = """    entering = edges.flow_in / wp.max(edges.available, 1.0) * wp.where(edges.available > lam, 0.5, 1.0)
+SLOPES = """    edges = q.edges
+    left = edges.left
+    p_s = q.p_s
+    p_a = q.p_a
+    p_b = q.p_b
+    p_t = q.p_t
+    entering = edges.flow_in / wp.max(edges.available, 1.0) * wp.where(edges.available > lam, 0.5, 1.0)
     emptied = wp.where(left, p_b, p_a) - p_t
     leaving = edges.flow_out / wp.where(wp.abs(emptied) > 1.0, emptied, 1.0) * wp.where(wp.abs(emptied) > lam, 0.5, 1.0)
     leaving = wp.max(leaving, 0.0)
@@ -87,9 +93,9 @@ IMPLICIT = (
     (BEGIN, SLOPES + BEGIN),
     ("import warp as wp\n", "import warp as wp\n\nfrom aoro_gym.twin.physics.fluid import volume_stiffness\n"),
 )
-LATE = (SWASH, SWASH.replace("p_s, s.ls_pressure", "begun.supply, begun.ls_pressure"))
-MEAN = "0.5 * (p_s + begun.supply), 0.5 * (s.ls_pressure + begun.ls_pressure)"
-BETWEEN = (SWASH, SWASH.replace("p_s, s.ls_pressure", MEAN))
+LATE = (TANK, TANK + "    out.swash = swash_step(m, s.swash, out.supply, out.ls_pressure, dt)\n")
+MEAN = "0.5 * (q.p_s + out.supply), 0.5 * (s.ls_pressure + out.ls_pressure)"
+BETWEEN = (TANK, TANK + f"    out.swash = swash_step(m, s.swash, {MEAN}, dt)\n")
 LINE = "    tank_line: float  # [Pa] content of the return line\n"
 FIELDS = exchanged((LINE, LINE + "    slope_a: float\n    slope_b: float\n"))
 SCHEMES: Mapping[str, Mapping[str, Edit]] = {

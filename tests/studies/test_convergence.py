@@ -10,6 +10,7 @@ import pytest
 from aoro_gym.machine import Machine
 from aoro_gym.twin import Twin
 from studies.convergence.precision import build
+from studies.convergence.schemes import SCHEMES
 
 pytestmark = pytest.mark.slow  # a build of its own, compiled
 
@@ -46,6 +47,19 @@ def test_both_steps_halved_halve_every_error(float64, machine):
         assert 1.5 < coarse / middle < 2.7, name
         assert 1.5 < middle / fine < 2.9, name
         assert coarse < 0.01, name
+
+
+@pytest.mark.parametrize("scheme", [name for name, edits in SCHEMES.items() if edits])
+def test_another_scheme_is_another_step_of_the_same_equations(scheme, float64, machine):
+    """Its edits change what the twin does, and steps half as long halve what it is off, as they do with the twin's own."""
+    kind = build(f"aoro_scheme_{list(SCHEMES).index(scheme)}", wide=True, edits=SCHEMES[scheme]).Twin
+    reference = signals(float64, machine, 1.25e-4, 60)
+    own, coarse, fine = (
+        signals(*one, 30) for one in ((float64, machine, 1e-3), (kind, machine, 1e-3), (kind, machine, 5e-4))
+    )
+    assert max(apart(own, coarse).values()) > 1e-5
+    for name in CHANNELS:
+        assert 1.5 < apart(coarse, reference)[name] / apart(fine, reference)[name] < 2.7, name
 
 
 def test_float32_is_float64_but_for_rounding(float64, machine):
