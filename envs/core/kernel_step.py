@@ -276,12 +276,11 @@ class KernelStep:
             choosing = self._recorded((choose, [memory, drawn])).launch
             self._begin = [self._keeping(), self._write.launch, self._twin.recorded_reset().launch, *rests]
             self._parts = [[*self._step, choosing], self._begin]
-            if self._twin.device.is_cuda:
-                there = self._flags, self._ended[int(DONE)]
-                self._on_host = [
-                    [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there] for _ in range(2)
-                ]
-                self._seen = [[here.numpy() for here, _ in each] for each in self._on_host]
+            there = self._flags, self._ended[int(DONE)]
+            self._on_host = [
+                [(self._arrays.pinned(tuple(each.shape), each.dtype), each) for each in there] for _ in range(2)
+            ]
+            self._seen = [[here.numpy() for here, _ in each] for each in self._on_host]
 
     def _keeping(self) -> Callable[[], Any]:
         """Keeps the observation at the end of a step."""
@@ -307,9 +306,8 @@ class KernelStep:
     def wait(self) -> tuple[list[int], NDArray[np.bool_]]:
         """The flags, and for another step whose episode has ended (N,), when it is known how a step ends; episodes that it
         begins, and what was launched after them, are not waited for."""
-        if not self._on_host:
-            return self._flags.tolist(), self._ended[int(DONE)].numpy().copy()
-        wp.synchronize_event(self._events[(self._runs - 1) % 2][1])
+        if self._events:
+            wp.synchronize_event(self._events[(self._runs - 1) % 2][1])
         flags, done = self._seen[self._runs % 2]
         return flags.tolist(), done
 

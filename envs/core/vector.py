@@ -818,7 +818,12 @@ class TwinVectorEnv(VectorEnv[Array, Array, Array]):
 
     def _complain_of_observation(self) -> None:
         observation = self.arrays.host(self._observation)
-        row, column = np.argwhere(~np.isfinite(observation))[0]
+        wrong = np.argwhere(~np.isfinite(observation))
+        if not len(wrong):  # it was the first of an episode, which this step has overwritten
+            raise ValueError(
+                "an observation was not finite where an episode began in the last step; return finite numbers"
+            )
+        row, column = wrong[0]
         name = next(name for name, span in self.observation_layout.items() if span.start <= column < span.stop)
         raise ValueError(
             f"observation_terms[{name!r}] is {observation[row, column]} in sub-environment {row}; return finite numbers"

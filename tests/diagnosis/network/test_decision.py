@@ -176,13 +176,18 @@ def test_the_richest_set_of_sensors_counts():
 
 
 def test_networks_come_with_their_calibration():
+    """Widenings of sizes are those that the page on evidence tells; less than 2 was asked before, which ports miss."""
+    assert {name: round(one.widening, 2) for name, one in shipped().items()} == {
+        "pressures": 1.99,
+        "ports": 2.01,
+        "angle": 1.68,
+    }
     assert set(shipped()) == set(SENSOR_SETS)
     for one in shipped().values():
         assert one.cases > 1000 and 0.5 <= one.temperature <= 4.0
         assert sum(part.share for part in one.null) == pytest.approx(1.0)
         assert all(np.all(np.diff(part.healthy) >= 0.0) for part in one.null)
         assert 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
-        assert np.isfinite(one.widening) and one.widening >= 1.0
 
 
 def test_cases_that_all_have_a_cause_calibrate_nothing():

@@ -14,6 +14,7 @@ import warp as wp
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core import drawing, next_episodes, vector
 from aoro_gym.envs.core.drawing import OneByOne, Together
+from aoro_gym.envs.core.kernels.step import BEGUN, WRONG_OBSERVATION
 from aoro_gym.envs.core.next_episodes import NextEpisodes
 from aoro_gym.envs.levelling import config as levelling
 from aoro_gym.envs.levelling.courses import obstacle_course
@@ -244,6 +245,24 @@ def test_a_wrong_term_is_named_before_anything_begins():
     with pytest.raises(ValueError, match="sub-environment 2 is not finite"):
         env.step(wrong)
     assert (env._next.ready >= ready).all() and np.asarray(env._next._on_device["ready"]).sum() == env._next.ready.sum()
+
+
+def test_a_wrong_first_observation_is_told_with_the_next_step_and_once():
+    """The host has read the flags of the step in which the episode began before that observes."""
+    env = made(max_episode_steps=3)
+    env.reset(seed=3)
+    nothing = np.zeros(env.action_space.shape, np.float32)
+    begun = []
+    for _ in range(12):
+        env.step(nothing)
+        begun.append(int(env._kernel_step._flags[int(BEGUN)]))
+        if begun[-1]:
+            break
+    assert begun[-1] > 0 and not any(begun[:-1])
+    env._kernel_step._flags[int(WRONG_OBSERVATION)] = 1
+    with pytest.raises(ValueError, match="not finite where an episode began in the last step"):
+        env.step(nothing)
+    env.step(nothing)
 
 
 def test_arrays_that_are_replaced_are_drawn_for_anew():
