@@ -24,11 +24,11 @@ history = []  # time [s], gear, speed [m/s], fault
 
 
 def drive_with_controller(seconds: float) -> None:
-    """Move the twin while a controller runs, until a second after it has ended."""
+    """Move the twin while a controller runs, until two seconds after it has ended: a braked machine rocks on its tires."""
     command = [sys.executable, str(CONTROLLER), "--port", str(port), "--seconds", str(seconds)]
     controller = subprocess.Popen(command)
     ended = None
-    while ended is None or time.monotonic() < ended + 1.0:
+    while ended is None or time.monotonic() < ended + 2.0:
         if ended is None and controller.poll() is not None:
             ended = time.monotonic()
         vehicle.run(0.1)
