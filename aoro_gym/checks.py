@@ -76,14 +76,20 @@ def check_integer(name: str, value: Any, *, ge: int = 1, le: int | None = None, 
     if not (whole and ge <= value and (le is None or value <= le)):
         least = "a positive integer" if ge == 1 else f"an integer of at least {ge}"
         raise ValueError(
-            f"{name} is {value!r}, but must be {least if le is None else f'an integer in [{ge}, {le}]'}{note}"
+            f"{name} is {shortened(value)}, but must be {least if le is None else f'an integer in [{ge}, {le}]'}{note}"
         )
 
 
 def check_choice(name: str, value: Any, known: Iterable[Any], error: type[ValueError] = ValueError) -> None:
     """Raise an error that lists what is ``known`` unless ``value`` is among it."""
     if value not in known:
-        raise error(f"{name} is {value!r}; choose one of: {', '.join(map(str, known))}")
+        raise error(f"{name} is {shortened(value)}; choose one of: {', '.join(map(str, known))}")
+
+
+def shortened(value: Any) -> str:
+    """``repr(value)``, at most 60 characters of it."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def printable(text: str) -> str:

@@ -85,3 +85,10 @@ def test_what_is_no_choice_is_named_with_the_choices():
 
 def test_what_a_terminal_would_obey_is_marked():
     assert printable("l\tt, \x1b[2K, °ä") == "l\ufffdt, \ufffd[2K, °ä"
+
+
+def test_long_values_are_echoed_in_part():
+    with pytest.raises(ValueError, match=r"^x is '0{56}\.\.\., but must be a positive integer$"):
+        check_integer("x", "0" * 10_000)
+    with pytest.raises(ValueError, match=r"^x is '0{56}\.\.\.; choose one of: a, b$"):
+        check_choice("x", "0" * 10_000, ("a", "b"))

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from aoro_gym.checks import check_integer, check_range
+from aoro_gym.checks import check_integer, check_range, shortened
 from aoro_gym.machine.laws import DRAWN_LAST, Laws, drawn_laws, family
 from aoro_gym.machine.machine_file import PAYLOAD, Parameter, naming, read_machine, write_machine
 from aoro_gym.machine.pile import MOST_LOGS
@@ -109,6 +109,10 @@ class Machine:
     payload: Payload
     laws: Laws = field(default_factory=Laws)
     """Which law each component obeys."""
+
+    def __repr__(self) -> str:
+        variants = "" if self.num_variants == 1 else f", {self.num_variants} variants"
+        return f"<Machine {self.name!r}: {len(self.entries)} parameters{variants}>"
 
     @classmethod
     def load(cls, name_or_path: str | PathLike[str] = "aoro") -> "Machine":
@@ -440,12 +444,6 @@ def _number(key: str, value: ArrayLike) -> Quantity:
     if array.ndim > 1 or array.size == 0:
         raise ValueError(f"{key} has shape {array.shape}: give one number, or one a twin in shape (N,)")
     return as_quantity(array if array.size > 1 else array.item())
-
-
-def shortened(value: Any) -> str:
-    """``repr(value)``, at most 60 characters of it."""
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:57]}..."
 
 
 def _unknown(key: Any) -> str:

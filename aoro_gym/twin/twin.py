@@ -224,6 +224,10 @@ class Twin:
         self._lanes = self._on_lanes() if self.simd else None
         self._checks_start = True
 
+    def __repr__(self) -> str:
+        twins = "1 twin" if self.num_twins == 1 else f"{self.num_twins} twins"
+        return f"<Twin: {twins} of {self.machine.name!r} on {SIMD if self.simd else self.device}>"
+
     def _build(self, laws: Any, roles: bool | None) -> None:
         """Choose the kernels, by roles if these are asked for, and compile what the first reset does not."""
         objects, soil = self._grounds.objects is not None, self._grounds.ruts is not None

@@ -19,6 +19,10 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, Machine
         ({"num_twins": 0}, "num_twins is 0"),
         ({"num_twins": 2.5}, r"num_twins is 2\.5"),
         ({"num_twins": -3}, "num_twins is -3"),
+        (
+            {"num_twins": Machine.load()},
+            r"^num_twins is <Machine 'aoro': \d+ parameters>, but must be a positive integer$",
+        ),
         ({"substeps": 0}, "substeps is 0"),
         ({"threads": 0}, "threads is 0, but must be an integer in"),
         ({"threads": 10_000}, "threads is 10000, but must be an integer in"),
@@ -35,6 +39,11 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, Machine
 def test_bad_arguments_are_named(arguments, message):
     with pytest.raises((ValueError, FileNotFoundError), match=message):
         Twin(**arguments)
+
+
+def test_a_twin_is_shown_in_a_line():
+    assert repr(Twin()) == "<Twin: 1 twin of 'aoro' on cpu>"
+    assert repr(Twin(8, device="cpu:simd")) == "<Twin: 8 twins of 'aoro' on cpu:simd>"
 
 
 @pytest.mark.parametrize(
