@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -35,7 +35,7 @@ from aoro_gym.agents.evaluation.statistics import CONFIDENCE, RESAMPLES, Floats,
 from aoro_gym.agents.evaluation.tasks import TASKS
 from aoro_gym.agents.policies.files import shipped_policies
 from aoro_gym.agents.policies.policy import LearnedPolicy
-from aoro_gym.agents.training.plan import TrainingPlan
+from aoro_gym.agents.training.plan import HYPERPARAMS, TrainingPlan
 from aoro_gym.effects.parsing import parse_effect
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.files import read_json
@@ -222,7 +222,7 @@ def improved_machine(diagnosis: Path | None, improved: str | None) -> str:
 
 
 def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str) -> TrainingPlan:
-    """Plan of a training in which a policy learns on.
+    """Plan of a training in which a policy learns on: by PPO, or, with a memory, from the task's teacher.
 
     Args:
         env: Id of the environment.
@@ -236,18 +236,18 @@ def retraining_plan(env: str, policy: str, *, steps: int, seed: int, device: str
     file = shipped_policies(env).get(policy, Path(policy))
     if file.suffix not in (".json", ".safetensors"):
         raise ValueError(f"--policy {policy} cannot be retrained; give a file that 'aoro-gym train' wrote")
-    network = ", ".join(str(size) for size in LearnedPolicy.load(file).sizes[1:-1])
-    return TrainingPlan(
-        env=env,
-        start=str(file),
-        steps=steps,
-        seed=seed,
-        device=device,
-        param=[
-            f"learning_rate={LEARNING_RATE}",
-            f"policy_kwargs={{log_std_init: {LOG_STD}, net_arch: [{network}]}}",
-        ],
-    )
+    learned = LearnedPolicy.load(file)
+    network = ", ".join(str(size) for size in learned.sizes[1:-1])
+    again = TrainingPlan(env=env, start=str(file), steps=steps, seed=seed, device=device)
+    if learned.memory is not None:
+        return replace(
+            again,
+            algo="dagger",
+            curriculum=str(HYPERPARAMS / "fixed.yml"),
+            param=[f"learning_rate={LEARNING_RATE}", f"memory={learned.memory.sizes[-1]}", f"net_arch=[{network}]"],
+        )
+    kwargs = f"{{log_std_init: {LOG_STD}, net_arch: [{network}]}}"
+    return replace(again, param=[f"learning_rate={LEARNING_RATE}", f"policy_kwargs={kwargs}"])
 
 
 def with_effects(machine: Machine, asked: Sequence[str]) -> Machine:

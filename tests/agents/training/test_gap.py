@@ -9,6 +9,8 @@ from typer.testing import CliRunner
 
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.evaluation.evaluate import policy_factory
+from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training import gap
 from aoro_gym.agents.training.gap import BASELINE, CONTROL, IMPROVED, PLANT, RETRAINED, Gap, measure, share_of
 from aoro_gym.agents.training.run_folder import begin
@@ -102,6 +104,25 @@ def test_likeliest_machine_of_a_diagnosis(tmp_path):
     (tmp_path / "diagnosis.json").write_text("{broken")
     with pytest.raises(ValueError, match=r"diagnosis\.json is not JSON"):
         gap.likeliest_machine_file(tmp_path)
+
+
+@pytest.mark.parametrize("env", ["AORO/PathTracking-v1", "AORO/ForestRun-v0"])
+def test_a_policy_with_a_memory_learns_on_from_the_teacher(env):
+    torch = pytest.importorskip("torch")
+    from aoro_gym.agents.policies.networks import into_network
+    from aoro_gym.agents.training.memory_network import MemoryNetwork
+    from aoro_gym.agents.training.recipe import read_recipe
+
+    name = {"AORO/PathTracking-v1": "limits-dagger", "AORO/ForestRun-v0": "forest-dagger"}[env]
+    plan = gap.retraining_plan(env, name, steps=100, seed=0, device="cpu")
+    learned, asked = LearnedPolicy.load(shipped_policies(env)[name]), read_recipe(plan).hyperparams
+    assert (plan.algo, plan.start) == ("dagger", str(shipped_policies(env)[name]))
+    assert learned.memory is not None
+    actions = len(learned.low)
+    MemoryNetwork(learned.memory.sizes[0], asked["memory"], asked["net_arch"], actions, 0).take(learned)
+    other = [torch.nn.Linear(learned.memory.sizes[0], 64), torch.nn.Tanh(), torch.nn.Linear(64, actions)]
+    with pytest.raises(ValueError, match="has a memory, which --algo dagger alone trains"):
+        into_network(learned, other, normalised=True)
 
 
 @pytest.mark.slow
