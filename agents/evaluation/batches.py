@@ -19,11 +19,12 @@ from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.episodes import Episodes
 from aoro_gym.agents.policies.policy import Policy
 from aoro_gym.execution.cluster import ClusterError, Failed, connected, on_ray
+from aoro_gym.execution.device_names import on_cpu
 from aoro_gym.execution.sharing import shared_out
 from aoro_gym.machine import Machine
 
-AT_ONCE = 64
-"""Episodes that are driven together."""
+AT_ONCE, AT_ONCE_ON_GPU = 64, 2048
+"""Episodes that are driven together: a GPU takes hardly longer for more."""
 SHARD = 16
 """The same on a cluster: enough jobs for many nodes."""
 
@@ -40,6 +41,8 @@ class Driver:
     """The one that policies are made for."""
     drawn: Callable[[Machine, Sequence[int]], Machine]
     """Gives the machines that are driven, one a seed."""
+    at_once: int
+    """Most episodes that are driven together."""
 
     def __call__(self, policy: Factory, seeds: list[int]) -> Episodes:
         """Drive one batch."""
@@ -71,6 +74,29 @@ def drive_repeats(
         tell: Called with the share that is done.
     """
     return drive(env, policy, seeds, tell, asked=[first + (seed - first) % episodes for seed in seeds])
+
+
+def drive_alike(
+    drive: Callable[..., Episodes],
+    first: int,
+    episodes: int,
+    env: Any,
+    policy: Policy,
+    seeds: list[int],
+    tell: Callable[[float], Any] = lambda share: None,
+) -> Episodes:
+    """As :func:`drive_repeats`, with the same noise each time: only the machines differ that are drawn for the seeds.
+
+    Args:
+        drive: See there, as for the other arguments.
+        first: See there.
+        episodes: See there.
+        env: See there.
+        policy: See there.
+        seeds: Draw the machines; one a sub-environment.
+        tell: See there.
+    """
+    return drive(env, policy, [first + (seed - first) % episodes for seed in seeds], tell)
 
 
 class _Place:
@@ -156,7 +182,7 @@ def drive_locally(
         progress: Called with a policy's name and the share of everything that is done.
     """
     making = Lock() if len(drivers) > 1 else None
-    batches = batches_of(seeds, min(AT_ONCE, math.ceil(len(seeds) / len(drivers))))
+    batches = batches_of(seeds, min(drivers[0].at_once, math.ceil(len(seeds) / len(drivers))))
     found = shared_out(
         lambda place, batch, tell: place.drive(policies, cache, batch, tell),
         [_Place(driver, making) for driver in drivers],
@@ -205,6 +231,11 @@ def drive_on_cluster(
     return {
         name: reduce(Episodes.joined, (found[f"{name}, part {k}"] for k in range(len(batches)))) for name in policies
     }
+
+
+def at_once(device: str) -> int:
+    """Most episodes that are driven together on a device."""
+    return AT_ONCE if on_cpu(device) else AT_ONCE_ON_GPU
 
 
 def batches_of(seeds: NDArray[np.int_], most: int) -> list[list[int]]:

@@ -62,6 +62,13 @@ class Episodes:
             self.film,
         )
 
+    def part(self, which: slice) -> Episodes:
+        """Some of these episodes; the film stays."""
+        metrics = {name: values[which] for name, values in self.metrics.items()}
+        return Episodes(
+            metrics, self.endings[which], self.course[which], self.errors[which], self.places[which], self.film
+        )
+
     def arrays(self) -> dict[str, NDArray[Any]]:
         """All of it by name, as a file without code can hold it."""
         metrics = {METRIC_PREFIX + name: values for name, values in self.metrics.items()}

@@ -29,7 +29,7 @@ import numpy as np
 from aoro_gym.agents.controllers.privileged import PRIVILEGED_POLICIES
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation import inputs
-from aoro_gym.agents.evaluation.batches import Driver, drive_locally, drive_on_cluster, drive_repeats
+from aoro_gym.agents.evaluation.batches import Driver, at_once, drive_alike, drive_locally, drive_on_cluster, drive_repeats
 from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
@@ -102,6 +102,7 @@ def evaluate(
     *,
     episodes: int = 32,
     repeats: int = 1,
+    same_noise: bool = False,
     seed: int = 0,
     courses: Sequence[Course] | None = None,
     machine: str | Machine = "aoro",
@@ -121,6 +122,7 @@ def evaluate(
         policies: What makes each policy for a vector environment, by a name of your choice.
         episodes: A policy.
         repeats: How often each is driven, with other noise of the sensors, and on another machine if machines are ``drawn``.
+        same_noise: Whether repeats differ in the machines alone.
         seed: Of the first episode.
         courses: Where to drive; by default the environment's own. Not for the turning task.
         machine: Bundled name, machine file or Machine: the one that policies are made for.
@@ -146,26 +148,24 @@ def evaluate(
     """
     _check(env, policies, episodes, repeats)
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
-    task = TASKS[env]
-    names = several(device)
+    task, names = TASKS[env], several(device)
     soil = Soil.named(soil) if isinstance(soil, str) else soil
     made_of = {**localised(env, localisation), **({} if soil is None else {"soil": soil}), **observing(policies)}
     make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms, **made_of)
-    drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes)
+    again = partial(drive_alike if same_noise else drive_repeats, task.drive, seed, episodes)
+    drive = task.drive if repeats == 1 else again
     cache = EpisodeCache(
         kept,
         env,
         None if courses is None else (inputs.grounds(courses), inputs.paths(courses)),
         inputs.machine_values(machine),
-        names[0]
-        if len({name.partition(":")[0] if name.startswith("cuda") else name for name in names}) == 1
-        else device,
+        _alike(names) or device,
         None if reward_terms is None else list(reward_terms.items()),  # their sum depends on their order
-        None if repeats == 1 else (seed, episodes),
+        None if repeats == 1 else (seed, episodes, same_noise),
         *inputs.soft(soil).values(),
         *localised(env, localisation).values(),
     )
-    drivers = [Driver(partial(make, device=name), drive, machine, task.drawing(drawn)) for name in names]
+    drivers = [Driver(partial(make, device=one), drive, machine, task.drawing(drawn), at_once(one)) for one in names]
     todo = (policies, seed + np.arange(episodes * repeats), cache, progress)
     runs = (
         drive_locally(drivers, *todo) if ray is None else drive_on_cluster(drivers[0], *todo, ray=ray, device=names[0])
@@ -176,6 +176,12 @@ def evaluate(
         env, episodes, seed, tuple(getattr(made, "courses", ())), runs, machine, made.control_step,
         lambda: made.scene(machine), repeats,
     )  # fmt: skip
+
+
+def _alike(names: Sequence[str]) -> str | None:
+    """The first of the devices that are called ``names`` if all are of one kind, on which episodes are the same."""
+    kinds = {name.partition(":")[0] if name.startswith("cuda") else name for name in names}
+    return names[0] if len(kinds) == 1 else None
 
 
 def observing(policies: Mapping[str, Factory]) -> dict[str, Any]:

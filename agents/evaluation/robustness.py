@@ -15,8 +15,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +30,7 @@ from aoro_gym.agents.evaluation.perturbations import SWITCHABLE, Perturbation, m
 from aoro_gym.agents.evaluation.plots import saved_figure
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.statistics import Interval, plain
+from aoro_gym.agents.evaluation.tasks import TASKS, EvaluationTask
 from aoro_gym.checks import check_range
 from aoro_gym.effects.effect import MachineEffect, Magnitude
 from aoro_gym.execution.files import with_nulls, write_json
@@ -194,31 +195,51 @@ def measure(
         machine: That policies are made for.
         device: Of the twins.
         kept: Folder to keep episodes in.
-        progress: Called with what is driven and the share of everything that is done.
+        progress: Called with a policy's name and the share of everything that is done.
 
     Raises as :func:`conditions` and :func:`~aoro_gym.agents.evaluation.evaluate.evaluate`.
     """
     machine = machine if isinstance(machine, Machine) else Machine.load(machine)
     courses = forests() if env == "AORO/PathTracking-v0" else None
     differing, found = conditions(machine, share), {}
-    for done, condition in enumerate(differing):
+    # machines of other laws need other kernels, which are slower
+    groups = [[one for one in differing if (one.kind == LAWS) == others] for others in (False, True)]
+    done = 0
+    for group in filter(None, groups):
 
-        def tell(policy: str, part: float, name: str = condition.name, before: int = done) -> None:
-            progress(f"{name}: {policy}", (before + part) / len(differing))
+        def tell(policy: str, part: float, size: int = len(group), before: int = done) -> None:
+            progress(policy, (before + part * size) / len(differing))
 
-        found[condition.name] = evaluate(
+        together = evaluate(
             env,
             policies,
             episodes=episodes,
+            repeats=len(group),
+            same_noise=True,
             seed=seed,
             courses=courses,
             machine=machine,
-            drawn=condition.machines,
+            drawn=partial(_of_conditions, group, TASKS[env], seed, episodes),
             device=device,
             kept=kept,
             progress=tell,
         )
-    return Robustness(share, differing, found)
+        for place, condition in enumerate(group):
+            own = slice(place * episodes, (place + 1) * episodes)
+            runs = {name: run.part(own) for name, run in together.runs.items()}
+            found[condition.name] = replace(together, runs=runs, repeats=1)
+        done += len(group)
+    return Robustness(share, differing, {one.name: found[one.name] for one in differing})
+
+
+def _of_conditions(
+    group: Sequence[Condition], task: EvaluationTask, first: int, episodes: int, machine: Machine, seeds: Sequence[int]
+) -> Machine:
+    """One machine a seed: the k-th ``episodes`` seeds from ``first`` on are those of the k-th condition, on which the
+    episodes have the seeds from ``first`` on."""
+    place, episode = np.divmod(np.array(seeds) - first, episodes)
+    parts = [(group[k], (first + episode[place == k]).tolist()) for k in dict.fromkeys(place.tolist())]
+    return Machine.stacked([task.drawing(one.machines)(machine, own) for one, own in parts], [len(own) for _, own in parts])
 
 
 # ---- reports ---------------------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from aoro_gym.agents.evaluation import robustness
+from aoro_gym.agents.evaluation import batches, robustness
 from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
 from aoro_gym.agents.evaluation.leaderboard import SEED
 from aoro_gym.agents.evaluation.perturbations import SWITCHABLE
@@ -15,7 +15,7 @@ from aoro_gym.machine.laws import FAMILIES
 from tests.agents.episodes import shortened_episodes
 
 TURNING = "AORO/Turning-v0"
-CHOSEN = ("as calibrated", "all parameters drawn", "spool_lag +0.04 s", "seal_friction +2e+03 N")
+CHOSEN = ("as calibrated", "laws of vehicle", "all parameters drawn", "spool_lag +0.04 s", "seal_friction +2e+03 N")
 
 
 def named(conditions, name):
@@ -38,6 +38,7 @@ def found(every, machine):
     policies = {name: policy_factory(TURNING, name) for name in ("bang-bang", "proportional-derivative")}
     with shortened_episodes(), pytest.MonkeyPatch.context() as patch:
         patch.setattr(robustness, "conditions", lambda machine, share: [named(every, name) for name in CHOSEN])
+        patch.setattr(batches, "AT_ONCE", 4)  # of which some hold episodes of two conditions
         return robustness.measure(TURNING, policies, episodes=6, machine=machine)
 
 
@@ -90,8 +91,22 @@ def test_changes_are_those_of_the_same_episodes(found, every, machine):
     difference = lagging.runs["bang-bang"].metrics["overshoot_deg"] - as_is.runs["bang-bang"].metrics["overshoot_deg"]
     change = found.changes[name]["bang-bang"]["overshoot_deg"]
     assert change.mean == pytest.approx(np.nanmean(difference))
+    for metric, values in lagging.runs["bang-bang"].metrics.items():
+        np.testing.assert_array_equal(found.found[name].runs["bang-bang"].metrics[metric], values)
     assert change.mean > 0.1  # a slower spool overshoots: what is measured is not noise
     assert found.changes["seal_friction +2e+03 N"]["bang-bang"]["overshoot_deg"].mean < change.mean
+
+
+@pytest.mark.parametrize("name", ["all parameters drawn", "laws of vehicle"])
+def test_every_condition_is_driven_as_alone(found, every, machine, name):
+    with shortened_episodes():
+        policies = {"proportional-derivative": policy_factory(TURNING, "proportional-derivative")}
+        alone = evaluate(TURNING, policies, episodes=6, seed=SEED, machine=machine, drawn=named(every, name).machines)
+    (run,) = alone.runs.values()
+    together = found.found[name].runs["proportional-derivative"]
+    assert together.endings == run.endings
+    for metric, values in run.metrics.items():
+        np.testing.assert_array_equal(together.metrics[metric], values)
 
 
 def test_the_worst_for_the_best_policy_comes_first(found):
