@@ -49,7 +49,6 @@ NOT_HERE = {
     "--fifo": "needs the right to real-time priority",
     "--connect": "the other end of the command before; tests/cosimulation/laboratory runs both",
     "--driveline": "likewise",
-    "--plant relaxation.toml": "retrains for minutes; tests/agents/training/test_gap.py has the command",
     "_0 runs/": "draws trainings that a loop of the shell before it makes",
     "export policy": "[onnx] is not installed by `make test`",
     "--diagnosis diagnosis --retrain": "needs a cause that was found; tests/agents/training/test_gap.py has the command",
