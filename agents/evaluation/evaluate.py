@@ -29,11 +29,18 @@ import numpy as np
 from aoro_gym.agents.controllers.privileged import PRIVILEGED_POLICIES
 from aoro_gym.agents.controllers.reference import REFERENCE_POLICIES, Factory
 from aoro_gym.agents.evaluation import inputs
-from aoro_gym.agents.evaluation.batches import Driver, at_once, drive_alike, drive_locally, drive_on_cluster, drive_repeats
+from aoro_gym.agents.evaluation.batches import (
+    Driver,
+    at_once,
+    drive_alike,
+    drive_locally,
+    drive_on_cluster,
+    drive_repeats,
+)
 from aoro_gym.agents.evaluation.cached_episodes import EpisodeCache
 from aoro_gym.agents.evaluation.result import Evaluation
 from aoro_gym.agents.evaluation.tasks import TASKS
-from aoro_gym.agents.policies.files import load_policy, shipped_policies
+from aoro_gym.agents.policies.files import load_policy, policy_file
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.checks import check_choice, check_integer
 from aoro_gym.envs.core.offered_terms import FURTHER
@@ -86,11 +93,7 @@ def policy_factory(env: str, name: str, *, trust_pickle: bool = False) -> Factor
     controllers = {**REFERENCE_POLICIES[env], **PRIVILEGED_POLICIES[env]}
     if name in controllers:
         return controllers[name]
-    shipped = shipped_policies(env)
-    if name not in shipped and not Path(name).suffix:
-        known = ", ".join([*controllers, *shipped])
-        raise ValueError(f"{name!r} is no policy for {env}; choose from: {known}; or give a file")
-    policy = load_policy(shipped.get(name, Path(name)), trust_pickle=trust_pickle)
+    policy = load_policy(policy_file(env, name, controllers), trust_pickle=trust_pickle)
     if policy.environment not in ("", env):
         raise ValueError(f"{name} was trained in {policy.environment}, not in {env}")
     return policy.made_for

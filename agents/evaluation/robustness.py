@@ -239,7 +239,9 @@ def _of_conditions(
     episodes have the seeds from ``first`` on."""
     place, episode = np.divmod(np.array(seeds) - first, episodes)
     parts = [(group[k], (first + episode[place == k]).tolist()) for k in dict.fromkeys(place.tolist())]
-    return Machine.stacked([task.drawing(one.machines)(machine, own) for one, own in parts], [len(own) for _, own in parts])
+    return Machine.stacked(
+        [task.drawing(one.machines)(machine, own) for one, own in parts], [len(own) for _, own in parts]
+    )
 
 
 # ---- reports ---------------------------------------------------------------------------------------------------------

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import json
 import os
+from collections.abc import Iterable
 from pathlib import Path
 
 from aoro_gym.agents.policies.description import shortened
@@ -30,6 +31,23 @@ def shipped_policies(environment: str, localisation: str | None = None) -> dict[
         if content["environment"] == environment
         and localisation in (None, content["training"].get("localisation", "gains"))
     }
+
+
+def policy_file(environment: str, name: str, others: Iterable[str] = ()) -> Path:
+    """File of a learned policy for an environment: of one that comes with the package, by its name, or ``name`` itself.
+
+    Args:
+        environment: Its id.
+        name: Of a policy, or a file.
+        others: Names that the caller knows beside these, for the message.
+
+    Raises ValueError that lists what there is if ``name`` is neither.
+    """
+    shipped = shipped_policies(environment)
+    if name not in shipped and not Path(name).suffix:
+        known = ", ".join([*others, *shipped])
+        raise ValueError(f"{name!r} is no policy for {environment}; choose from: {known}; or give a file")
+    return shipped.get(name, Path(name))
 
 
 def load_policy(path: Path, *, trust_pickle: bool = False) -> LearnedPolicy:

@@ -11,7 +11,7 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.evaluation.tasks import TASKS
-from aoro_gym.agents.policies.files import shipped_policies
+from aoro_gym.agents.policies.files import policy_file
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.learner import versions
 from aoro_gym.agents.training.plan import TrainingPlan
@@ -30,15 +30,10 @@ POLICIES, SUFFIXES = ("policy", "best"), (".json", ".safetensors")
 def first_policy(plan: TrainingPlan) -> LearnedPolicy:
     """The policy that ``plan`` starts from: a file, or one that comes with the package, by its name.
 
-    Raises ValueError if the file holds none, OSError if there is none.
+    Raises ValueError if there is none of this name, or the file holds none; OSError if there is no file.
     """
     assert plan.start is not None
-    shipped = shipped_policies(plan.env)
-    if plan.start not in shipped and not Path(plan.start).suffix:
-        raise FileNotFoundError(
-            f"--start is {plan.start!r}, but no policy for {plan.env}; choose from: {', '.join(shipped)}; or give a file"
-        )
-    return LearnedPolicy.load(shipped.get(plan.start, Path(plan.start)))
+    return LearnedPolicy.load(policy_file(plan.env, plan.start))
 
 
 def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:

@@ -135,7 +135,9 @@ def test_a_policy_that_comes_with_the_package_is_started_from_by_its_name():
     found, wanted = first_policy(plan_of(start="turning-ppo")), load_policy(SHIPPED / "turning-ppo.json")
     for one, other in zip(found.weights, wanted.weights, strict=True):
         np.testing.assert_array_equal(one, other)
-    with pytest.raises(FileNotFoundError):
+    with pytest.raises(
+        ValueError, match=r"'levelling-ppo' is no policy for .*; choose from: turning-ppo; or give a file"
+    ):
         first_policy(plan_of(start="levelling-ppo"))  # of another environment
 
 
