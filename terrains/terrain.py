@@ -59,6 +59,10 @@ class Terrain:
         for name in ("friction", "rolling_resistance"):
             object.__setattr__(self, name, _multiplier(name, getattr(self, name), len(vertices)))
 
+    def __repr__(self) -> str:
+        (length, width), size = np.ptp(self.vertices[:, :2], axis=0), len(self.faces)
+        return f"Terrain({self.name!r}, {size:,} triangles, {length:.4g} m x {width:.4g} m)"
+
     def __copy__(self) -> Terrain:
         return self  # immutable
 

@@ -35,6 +35,9 @@ class Episodes:
     film: NDArray[np.float32]
     """(T, channels) of the first episode, as a task's scene draws them."""
 
+    def __repr__(self) -> str:
+        return f"Episodes({len(self.endings)}, {len(self.metrics)} metrics)"
+
     def bounded(self, name: str) -> NDArray[np.bool_]:
         """Whether a metric is a lower bound, (N,)."""
         if name not in BOUNDED:

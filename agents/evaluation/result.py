@@ -44,6 +44,9 @@ class Evaluation:
     repeats: int = 1
     """How often each episode was driven."""
 
+    def __repr__(self) -> str:
+        return f"Evaluation({self.env!r}, {self.episodes} episodes each of {', '.join(self.runs)})"
+
     @property
     def task(self) -> EvaluationTask:
         return TASKS[self.env]

@@ -105,6 +105,10 @@ class LearnedPolicy:
     _state: NDArray[np.float32] | None = field(default=None, init=False, repr=False, compare=False)
     """Of the memory (N, U), once it was asked."""
 
+    def __repr__(self) -> str:
+        memory = "" if self.memory is None else f"memory {self.memory.sizes[-1]}, "
+        return f"LearnedPolicy({self.environment!r}, {memory}layers {self.sizes}, {self.activation})"
+
     def __post_init__(self) -> None:
         check_choice("activation", self.activation, ACTIVATIONS)
         sizes = [self.weights[0].shape[1], *(len(weight) for weight in self.weights)]

@@ -112,7 +112,7 @@ class Machine:
 
     def __repr__(self) -> str:
         variants = "" if self.num_variants == 1 else f", {self.num_variants} variants"
-        return f"<Machine {self.name!r}: {len(self.entries)} parameters{variants}>"
+        return f"Machine({self.name!r}, {len(self.entries)} parameters{variants})"
 
     @classmethod
     def load(cls, name_or_path: str | PathLike[str] = "aoro") -> "Machine":

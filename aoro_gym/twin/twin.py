@@ -225,8 +225,9 @@ class Twin:
         self._checks_start = True
 
     def __repr__(self) -> str:
-        twins = "1 twin" if self.num_twins == 1 else f"{self.num_twins} twins"
-        return f"<Twin: {twins} of {self.machine.name!r} on {SIMD if self.simd else self.device}>"
+        return (
+            f"Twin({self.num_twins}, machine={self.machine.name!r}, device={SIMD if self.simd else str(self.device)!r})"
+        )
 
     def _build(self, laws: Any, roles: bool | None) -> None:
         """Choose the kernels, by roles if these are asked for, and compile what the first reset does not."""

@@ -206,9 +206,9 @@ def test_any_sample_of_the_ranges_is_a_valid_machine(machine: Machine) -> None:
 
 def test_a_machine_is_shown_in_a_line() -> None:
     machine = Machine.load("aoro")
-    assert repr(machine) == f"<Machine 'aoro': {len(machine.entries)} parameters>"
+    assert repr(machine) == f"Machine('aoro', {len(machine.entries)} parameters)"
     batch = machine.set({"joint.friction_torque": [80.0, 90.0, 100.0]})
-    assert repr(batch) == f"<Machine 'aoro': {len(machine.entries)} parameters, 3 variants>"
+    assert repr(batch) == f"Machine('aoro', {len(machine.entries)} parameters, 3 variants)"
 
 
 def test_set_makes_a_new_machine(machine: Machine) -> None:

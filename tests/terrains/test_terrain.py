@@ -46,6 +46,11 @@ def test_unknown_heights_stay_open_and_multipliers_follow_their_vertices():
     assert terrain.rolling_resistance == 3.0
 
 
+def test_a_terrain_is_shown_in_a_line():
+    terrain = Terrain.from_heights(np.zeros((3, 5)), cell=0.5, name="yard")
+    assert repr(terrain) == "Terrain('yard', 16 triangles, 2 m x 1 m)"
+
+
 def test_a_terrain_is_read_only():
     terrain = Terrain(vertices=CORNERS, faces=FACE, friction=np.ones(3))
     for array in (terrain.vertices, terrain.faces, terrain.friction):

@@ -21,7 +21,7 @@ from aoro_gym.twin.records import COMMAND_BOUNDS, OUTPUT_UNITS, Command, Machine
         ({"num_twins": -3}, "num_twins is -3"),
         (
             {"num_twins": Machine.load()},
-            r"^num_twins is <Machine 'aoro': \d+ parameters>, but must be a positive integer$",
+            r"^num_twins is Machine\('aoro', \d+ parameters\), but must be a positive integer$",
         ),
         ({"substeps": 0}, "substeps is 0"),
         ({"threads": 0}, "threads is 0, but must be an integer in"),
@@ -42,8 +42,8 @@ def test_bad_arguments_are_named(arguments, message):
 
 
 def test_a_twin_is_shown_in_a_line():
-    assert repr(Twin()) == "<Twin: 1 twin of 'aoro' on cpu>"
-    assert repr(Twin(8, device="cpu:simd")) == "<Twin: 8 twins of 'aoro' on cpu:simd>"
+    assert repr(Twin()) == "Twin(1, machine='aoro', device='cpu')"
+    assert repr(Twin(8, device="cpu:simd")) == "Twin(8, machine='aoro', device='cpu:simd')"
 
 
 @pytest.mark.parametrize(

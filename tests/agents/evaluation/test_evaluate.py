@@ -63,6 +63,11 @@ def turned():
     return evaluate(TURNING, {"bang-bang": policy_factory(TURNING, "bang-bang")}, episodes=2, seed=3)
 
 
+def test_results_are_shown_in_a_line(turned):
+    assert repr(turned) == "Evaluation('AORO/Turning-v0', 2 episodes each of bang-bang)"
+    assert repr(turned.runs["bang-bang"]).startswith("Episodes(2, ")
+
+
 def test_devices_share_the_episodes(found):
     """Two shards of the CPU give what one gives, to the bit, in the order of the seeds."""
     told: list[float] = []

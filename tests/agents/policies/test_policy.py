@@ -286,6 +286,15 @@ def test_files_are_evaluated_like_controllers(tmp_path):
         policy_factory("AORO/PathTracking-v0", file)
 
 
+def test_a_policy_is_shown_in_a_line():
+    assert (
+        repr(load_policy(SHIPPED / "turning-ppo.json"))
+        == "LearnedPolicy('AORO/Turning-v0', layers [8, 64, 64, 1], tanh)"
+    )
+    told = "LearnedPolicy('AORO/PathTracking-v1', memory 128, layers [256, 128, 128, 2], tanh)"
+    assert repr(load_policy(SHIPPED / "limits-dagger.json")) == told
+
+
 def test_shipped_policies_go_by_their_name(tmp_path, monkeypatch):
     from aoro_gym.agents.policies import files
 
