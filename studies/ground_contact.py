@@ -20,7 +20,7 @@ from aoro_gym.terrains.terrain import Terrain
 from aoro_gym.twin.twin import Trace
 
 GROUNDS = ("raster", "mesh", "discs")
-DRIVE = 0.654
+DRIVE = 0.59
 """Signal of 0.75 m/s in first gear."""
 HALF = 10.0
 """Half of the square's side [m]; what is driven over lies around its middle."""

@@ -56,6 +56,10 @@ def move_oil_in_turn(
         steering = steering_fills(m, steering, q, begun, arms_exchange(board, t), substep, dt)
         front = arms_fill(m, front, fl.bore, fl.rod, fr.bore, fr.rod, dt)
         rear = arms_fill(m, rear, rl.bore, rl.rod, rr.bore, rr.rod, dt)
+        front.left.compensator = fl.compensator
+        front.right.compensator = fr.compensator
+        rear.left.compensator = rl.compensator
+        rear.right.compensator = rr.compensator
         loop = driveline_moves(m, loop, dt)
     steering_ends(m, board, t, steering, share, h)
     arms_end(m, board, 0, t, front, share)

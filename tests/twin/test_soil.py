@@ -276,14 +276,15 @@ def test_what_soil_does_not_go_with_is_refused(bundled):
 
 @pytest.mark.slow
 def test_passes_of_a_machine_deepen_its_ruts(bundled):
-    """Out and back in the same ruts: as many wheels as the raster counts come to n^(1/a) times the first front wheel's
-    sinkage within 8 %, where rear wheels bear 5 % more and all of them slip; a machine that stood there has one pass below
-    each wheel and its rut as before; copies go on to the bit, and a reset forgets all."""
+    """Out and back in the same ruts: as many wheels as the raster counts come to n^(1/a) times what a rear wheel, the heavier
+    one, sinks in first, within 6 % as all of them slip; a machine that stood there has one pass below each wheel and its rut
+    as before; copies go on to the bit, and a reset forgets all."""
     twin = Twin(machine=bundled, soil="sandy_loam+passes")
     twin.reset()
     twin.step({"parking_brake": 1.0}, 3.0)
     stood = twin.rut_raster()
     assert wheels_over(stood).max() == 1
+    heavier = float(twin.output("sinkage_rl")[0] / twin.output("sinkage_fl")[0])
     plain = Twin(machine=bundled, soil="sandy_loam")
     plain.reset()
     plain.step({"parking_brake": 1.0}, 3.0)
@@ -299,7 +300,7 @@ def test_passes_of_a_machine_deepen_its_ruts(bundled):
         column = round((3.5 - ruts.corner[0]) / ruts.cell)
         row = int(ruts.deepest[:, column].argmax())
         counts.append(int(wheels_over(ruts)[row, column]))
-        assert ruts.deepest[row, column] / first == pytest.approx(counts[-1] ** (1.0 / 3.5), rel=0.08)
+        assert ruts.deepest[row, column] / first == pytest.approx(heavier * counts[-1] ** (1.0 / 3.5), rel=0.06)
     assert counts[0] == 2 and (np.diff(counts) > 0).all() and counts[-1] > 5
     copied = pickle.loads(pickle.dumps(twin))
     for one in (twin, copied):
