@@ -276,9 +276,9 @@ def test_what_soil_does_not_go_with_is_refused(bundled):
 
 @pytest.mark.slow
 def test_passes_of_a_machine_deepen_its_ruts(bundled):
-    """Out and back in the same ruts: as many wheels as the raster counts come to n^(1/a) times what a rear wheel, the heavier
-    one, sinks in first, within 6 % as all of them slip; a machine that stood there has one pass below each wheel and its rut
-    as before; copies go on to the bit, and a reset forgets all."""
+    """Out and back in the same ruts: as many wheels as the raster counts come to n^(1/a) times what a rear wheel, the heavy
+    one, sinks in first, within 6 %, as all of them slip; a machine that stood there has one pass below each wheel and its
+    rut as before; copies go on to the bit, and a reset forgets all."""
     twin = Twin(machine=bundled, soil="sandy_loam+passes")
     twin.reset()
     twin.step({"parking_brake": 1.0}, 3.0)
