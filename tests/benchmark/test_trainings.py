@@ -63,7 +63,7 @@ def test_trainers_stand_beside_each_other(machine):
     assert result["ratios"] == {"train_resident_over_sb3_at_2": resident / sb3}
     shown = tables(result)
     assert [table.row_count for table in shown] == [2, 1]
-    assert [row[0] for row in shown[0].rows] == ["train, sb3", "train, resident"]
+    assert [row[0] for row in shown[0].rows] == [f"2 x train, {trainer}, 1 thread" for trainer in ("sb3", "resident")]
 
 
 def test_a_missing_trainer_is_named(monkeypatch):
