@@ -30,7 +30,8 @@ RIGID = 1e9
 HALVINGS = wp.constant(40)
 PASSES = 10
 TIRE = (0.6258, 0.53, 24.5e3, 3.44e5)
-"""Radius and width [m] of the machine's tire, its load [N] and stiffness [N/m]."""
+"""Radius and width [m] of the tire of ``aoro_least_squares``, its load [N] and stiffness [N/m]: the presets' pass exponents
+are of it."""
 SOILS = ("sand", "sandy_loam", "sandy_loam:0.26", "peat", "clay:0.4", "loam", "moraine")
 """Soils of passes."""
 

@@ -46,7 +46,7 @@ NEEDED = ("cross_track", "heading_error", "preview", "curvature", "speed", "join
 SLOWEST = 0.3
 """Speed [m/s] below which the controllers steer as at this one: at rest, no steering leads back to a path."""
 DRIVE_SIGNAL = 0.66
-"""Drive signal [-]: 0.77 m/s in first gear, on the mean over forest ground. The published working speed is 0.75 m/s."""
+"""Drive signal [-]: 0.82 m/s in first gear, on the mean over forest ground. The published working speed is 0.75 m/s."""
 
 
 def turn_curvature(joint_angle: ArrayLike, front: float, rear: float) -> Floats:

@@ -268,7 +268,7 @@ MIDDLE_PRESSURE = 50e5
 """Pressure [Pa] at which oil of a constant modulus is as stiff as the oil whose modulus rises with pressure."""
 
 STIFFEST_MOUNT = 2e8
-"""Torsional stiffness [N m/rad] between cylinders and frames that the main step resolves, 40 times the oil's. What
+"""Torsional stiffness [N m/rad] between cylinders and frames that the main step resolves, more than 40 times the oil's. What
 is stiffer is taken as that: between no mount and the least one the twin jumps by 5e-9 rad/(N m), 1 % of a soft frame."""
 
 

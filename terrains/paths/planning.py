@@ -30,7 +30,7 @@ TRACK = 1.97
 WIDTH = 2.5
 """Over the tires [m]."""
 TURNING_RADIUS = 7.0
-"""Of a generated path [m]: 1.5 times the tightest, so a controller has 13° of joint left at each bend."""
+"""Of a generated path [m]: 1.5 times the tightest, so a controller has 12° of joint left at each bend."""
 SHARPNESS = 0.08
 """Fastest change of a path's curvature [1/m²]: at 1 m/s the joint turns at 2 x 1.7 m x 0.08 = 0.27 rad/s; it can at 0.7."""
 

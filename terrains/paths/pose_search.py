@@ -38,7 +38,7 @@ PIECE = 0.8
 LEVELS = 2
 """Curvatures to either side: multiples of one heading's step over a piece, so the tightest bend has a radius of 6.1 m."""
 TIGHTEST = PIECE * HEADINGS / (2.0 * math.pi * LEVELS)
-"""Radius [m] of the tightest bend: the machine's joint turns at 40° on 4.7 m."""
+"""Radius [m] of the tightest bend: the machine's joint turns at 40° on 4.8 m."""
 POINTS = 4
 """Of a piece that are looked at."""
 SPACING = PIECE / POINTS
