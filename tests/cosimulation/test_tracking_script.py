@@ -168,7 +168,7 @@ def test_the_example_records_a_path_and_the_script_follows_it(tmp_path):
     """As the how-to says it: two commands and two programs."""
     environment = {**os.environ, "AORO_TOKEN": "correct-horse-battery"}
     run = {"cwd": tmp_path, "env": environment, "text": True}
-    record = [sys.executable, str(SCRIPT.with_name("record_path.py")), "5", "10"]
+    record = [sys.executable, str(SCRIPT.with_name("record_path.py")), "2", "10"]
     told = subprocess.run(record, check=True, timeout=300, stdout=subprocess.PIPE, **run).stdout.splitlines()
     assert told[0].startswith("scan.laz: ") and told[-1].startswith("ground of ")
     assert max(map(len, told)) < 120
