@@ -50,6 +50,7 @@ NOT_HERE = {
     "--connect": "the other end of the command before; tests/cosimulation/laboratory runs both",
     "--driveline": "likewise",
     "_0 runs/": "draws trainings that a loop of the shell before it makes",
+    "loading_1 runs/": "likewise",
     "export policy": "[onnx] is not installed by `make test`",
     "--diagnosis diagnosis --retrain": "needs a cause that was found; tests/agents/training/test_gap.py has the command",
     "calibrate --published": "minutes; tests/calibration has the procedure",
