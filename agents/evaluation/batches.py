@@ -57,46 +57,26 @@ def drive_repeats(
     drive: Callable[..., Episodes],
     first: int,
     episodes: int,
+    same_noise: bool,
     env: Any,
     policy: Policy,
     seeds: list[int],
     tell: Callable[[float], Any] = lambda share: None,
 ) -> Episodes:
-    """Drive the episodes of the first ``episodes`` seeds from ``first`` on, again and again, with other noise.
+    """Drive the episodes of the first ``episodes`` seeds from ``first`` on, again and again.
 
     Args:
         drive: Drives episodes of the environment.
         first: Seed of the first episode.
         episodes: How many different ones there are.
+        same_noise: Whether the sensors' errors are those of the episode, too; else ``seeds`` draw them.
         env: Vector environment.
         policy: Who drives.
-        seeds: Draw the sensors' errors; one a sub-environment.
+        seeds: Have drawn the machines; one a sub-environment.
         tell: Called with the share that is done.
     """
-    return drive(env, policy, seeds, tell, asked=[first + (seed - first) % episodes for seed in seeds])
-
-
-def drive_alike(
-    drive: Callable[..., Episodes],
-    first: int,
-    episodes: int,
-    env: Any,
-    policy: Policy,
-    seeds: list[int],
-    tell: Callable[[float], Any] = lambda share: None,
-) -> Episodes:
-    """As :func:`drive_repeats`, with the same noise each time: only the machines differ that are drawn for the seeds.
-
-    Args:
-        drive: See there, as for the other arguments.
-        first: See there.
-        episodes: See there.
-        env: See there.
-        policy: See there.
-        seeds: Draw the machines; one a sub-environment.
-        tell: See there.
-    """
-    return drive(env, policy, [first + (seed - first) % episodes for seed in seeds], tell)
+    asked = [first + (seed - first) % episodes for seed in seeds]
+    return drive(env, policy, asked, tell) if same_noise else drive(env, policy, seeds, tell, asked=asked)
 
 
 class _Place:

@@ -32,7 +32,6 @@ from aoro_gym.agents.evaluation import inputs
 from aoro_gym.agents.evaluation.batches import (
     Driver,
     at_once,
-    drive_alike,
     drive_locally,
     drive_on_cluster,
     drive_repeats,
@@ -155,8 +154,7 @@ def evaluate(
     soil = Soil.named(soil) if isinstance(soil, str) else soil
     made_of = {**localised(env, localisation), **({} if soil is None else {"soil": soil}), **observing(policies)}
     make = partial(task.make, courses=courses, autoreset_mode="Disabled", reward_terms=reward_terms, **made_of)
-    again = partial(drive_alike if same_noise else drive_repeats, task.drive, seed, episodes)
-    drive = task.drive if repeats == 1 else again
+    drive = task.drive if repeats == 1 else partial(drive_repeats, task.drive, seed, episodes, same_noise)
     cache = EpisodeCache(
         kept,
         env,
