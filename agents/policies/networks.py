@@ -83,8 +83,6 @@ def into_network(learned: LearnedPolicy, modules: Iterable[Any], *, squashed: bo
     linear, activation = _layers(modules)
     sizes = [linear[0].in_features, *(module.out_features for module in linear)]
     if (sizes, activation, squashed) != (learned.sizes, learned.activation, learned.squashed):
-        if learned.memory is not None:
-            raise ValueError("the policy to start from has a memory, which --algo dagger alone trains; give that")
         raise ValueError(
             f"the policy to start from has layers {learned.sizes} with {learned.activation}, but the network to train "
             f"{sizes} with {activation}; set policy_kwargs, or train with the algorithm that it came from"

@@ -30,10 +30,14 @@ POLICIES, SUFFIXES = ("policy", "best"), (".json", ".safetensors")
 def first_policy(plan: TrainingPlan) -> LearnedPolicy:
     """The policy that ``plan`` starts from: a file, or one that comes with the package, by its name.
 
-    Raises ValueError if there is none of this name, or the file holds none; OSError if there is no file.
+    Raises ValueError if there is none of this name, the file holds none, or the algorithm cannot train it; OSError if
+    there is no file.
     """
     assert plan.start is not None
-    return LearnedPolicy.load(policy_file(plan.env, plan.start))
+    policy = LearnedPolicy.load(policy_file(plan.env, plan.start))
+    if policy.memory is not None and plan.algo != "dagger":
+        raise ValueError(f"--start: {plan.start} has a memory, which --algo dagger alone trains; give that")
+    return policy
 
 
 def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:

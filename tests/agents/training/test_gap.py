@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -107,9 +108,8 @@ def test_likeliest_machine_of_a_diagnosis(tmp_path):
 
 
 @pytest.mark.parametrize("env", ["AORO/PathTracking-v1", "AORO/ForestRun-v0"])
-def test_a_policy_with_a_memory_learns_on_from_the_teacher(env):
-    torch = pytest.importorskip("torch")
-    from aoro_gym.agents.policies.networks import into_network
+def test_a_policy_with_a_memory_learns_on_from_the_teacher(env, tmp_path):
+    pytest.importorskip("torch")
     from aoro_gym.agents.training.memory_network import MemoryNetwork
     from aoro_gym.agents.training.recipe import read_recipe
 
@@ -120,9 +120,9 @@ def test_a_policy_with_a_memory_learns_on_from_the_teacher(env):
     assert learned.memory is not None
     actions = len(learned.low)
     MemoryNetwork(learned.memory.sizes[0], asked["memory"], asked["net_arch"], actions, 0).take(learned)
-    other = [torch.nn.Linear(learned.memory.sizes[0], 64), torch.nn.Tanh(), torch.nn.Linear(64, actions)]
     with pytest.raises(ValueError, match="has a memory, which --algo dagger alone trains"):
-        into_network(learned, other, normalised=True)
+        begin(replace(plan, algo="ppo", param=None, curriculum=None), tmp_path / "run")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.slow
