@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import torch  # pyright: ignore[reportMissingImports]
+from gymnasium import Space
 from gymnasium.vector import AutoresetMode
 
 from aoro_gym.agents.policies.networks import KNOWN
@@ -108,6 +109,11 @@ class DeviceEnv:
         self._names: list[str] = []
         self._running = torch.zeros(0)
         self._ended = torch.zeros(0)
+
+    @property
+    def observation_space(self) -> Space[Any]:
+        """Of what a sub-environment gives to act on."""
+        return self.envs.single_observation_space
 
     def reset(self, seed: int) -> torch.Tensor:
         """Begin anew; sub-environment i gets ``seed`` + i. Gives observations (N, O)."""

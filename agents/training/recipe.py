@@ -1,4 +1,4 @@
-"""Hyper-parameters and curriculum of a training, as YAML files have them."""
+"""What a training is made of: hyper-parameters and a curriculum, as YAML files have them, and the policy it starts from."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from aoro_gym.agents.policies.files import policy_file
+from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.curriculum import curriculum
 from aoro_gym.agents.training.plan import TrainingPlan
 
@@ -18,6 +20,22 @@ class Recipe:
 
     hyperparams: Mapping[str, Any]
     stages: Sequence[Mapping[str, Any]]
+
+
+def first_policy(plan: TrainingPlan) -> LearnedPolicy:
+    """The policy that ``plan`` starts from: a file, or one that comes with the package, by its name.
+
+    Raises ValueError if there is none of this name, the file holds none, or the algorithm cannot train it; OSError if
+    there is no file.
+    """
+    assert plan.start is not None
+    policy = LearnedPolicy.load(policy_file(plan.env, plan.start))
+    if policy.memory is not None and plan.algo != "dagger" and plan.trainer != "resident":
+        raise ValueError(
+            f"--start: {plan.start} has a memory, which --algo dagger learns on from, and --algo ppo with "
+            "--trainer resident; give one of these"
+        )
+    return policy
 
 
 def read_recipe(plan: TrainingPlan) -> Recipe:

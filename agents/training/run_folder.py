@@ -11,11 +11,9 @@ from typing import Any
 
 from aoro_gym.agents.evaluation.perturbations import drawn_machines
 from aoro_gym.agents.evaluation.tasks import TASKS
-from aoro_gym.agents.policies.files import policy_file
-from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.agents.training.learner import versions
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.agents.training.recipe import Recipe, read_recipe
+from aoro_gym.agents.training.recipe import Recipe, first_policy, read_recipe
 from aoro_gym.checks import check_choice
 from aoro_gym.execution.files import read_json, write_json
 from aoro_gym.execution.locking import locked
@@ -25,19 +23,6 @@ from aoro_gym.version import VERSION
 RECORD, CHECKPOINT, EVALUATIONS, LOG = "training.json", "checkpoint.pt", "evaluations.json", "log"
 POLICIES, SUFFIXES = ("policy", "best"), (".json", ".safetensors")
 """What is written of the policies."""
-
-
-def first_policy(plan: TrainingPlan) -> LearnedPolicy:
-    """The policy that ``plan`` starts from: a file, or one that comes with the package, by its name.
-
-    Raises ValueError if there is none of this name, the file holds none, or the algorithm cannot train it; OSError if
-    there is no file.
-    """
-    assert plan.start is not None
-    policy = LearnedPolicy.load(policy_file(plan.env, plan.start))
-    if policy.memory is not None and plan.algo != "dagger":
-        raise ValueError(f"--start: {plan.start} has a memory, which --algo dagger alone trains; give that")
-    return policy
 
 
 def begin(plan: TrainingPlan, folder: Path, *, restart: bool = False) -> Recipe:

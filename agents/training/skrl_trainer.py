@@ -1,7 +1,8 @@
 """What learns on the device: skrl's PPO on the tensors of the twins, of which nothing comes to the host but a few metrics.
 
 Hyper-parameters have the names and the meaning of Stable-Baselines3's PPO, in the same files. What differs: advantages are
-normalised over a rollout, not over each batch; schedules are read when a rollout begins.
+normalised over a rollout, not over each batch; schedules are read when a rollout begins. Of a policy with a memory only what
+lies behind the memory learns.
 """
 
 from __future__ import annotations
@@ -27,7 +28,8 @@ from aoro_gym.agents.training.device_env import DeviceEnv
 from aoro_gym.agents.training.minibatches import Figures, Minibatches, Samples
 from aoro_gym.agents.training.perceptron import perceptron
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.agents.training.recipe import check_positive_integers
+from aoro_gym.agents.training.recipe import check_positive_integers, first_policy
+from aoro_gym.agents.training.remembering_env import RememberingEnv
 from aoro_gym.envs import register_envs
 from aoro_gym.envs.core.vector import TwinVectorEnv
 
@@ -138,8 +140,13 @@ class SkrlPPO:
             **env_kwargs,
         )
         self.envs: TwinVectorEnv = made.unwrapped
+        self._memory = None if plan.start is None else first_policy(plan).memory
         try:
-            self._env = DeviceEnv(self.envs, **asked.normalised)
+            self._env = (
+                DeviceEnv(self.envs, **asked.normalised)
+                if self._memory is None
+                else RememberingEnv(self.envs, self._memory, **asked.normalised)
+            )
         except TypeError as error:
             raise ValueError(f"normalize is {asked.normalize!r}: {error}") from error
         torch.manual_seed(plan.seed)
@@ -215,7 +222,9 @@ class SkrlPPO:
 
     def policy(self, **about: Any) -> LearnedPolicy:
         space = self.envs.single_action_space
-        return of_network(self._agent.policy.net, space, normalisation=self._env.normalisation, **about)
+        return of_network(
+            self._agent.policy.net, space, normalisation=self._env.normalisation, memory=self._memory, **about
+        )
 
     def start_from(self, policy: LearnedPolicy) -> None:
         into_network(policy, self._agent.policy.net, normalised=self._env.normalisation is not None)
@@ -248,7 +257,7 @@ class SkrlPPO:
 def _agent(asked: Hyperparams, env: DeviceEnv) -> Any:
     """skrl's PPO, ready to learn in ``env``."""
     spaces = {
-        "observation_space": env.envs.single_observation_space,
+        "observation_space": env.observation_space,
         "action_space": env.envs.single_action_space,
         "device": env.device,
     }

@@ -46,9 +46,9 @@ from aoro_gym.agents.training.courses import meet_worlds
 from aoro_gym.agents.training.curriculum import curriculum, stage_at
 from aoro_gym.agents.training.learner import Learner, learner_of
 from aoro_gym.agents.training.plan import TrainingPlan
-from aoro_gym.agents.training.recipe import Recipe
+from aoro_gym.agents.training.recipe import Recipe, first_policy
 from aoro_gym.agents.training.results import TrainingResults
-from aoro_gym.agents.training.run_folder import LOG, check_resumable, empty_folder, first_policy, revision
+from aoro_gym.agents.training.run_folder import LOG, check_resumable, empty_folder, revision
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.execution.digest import digest
 from aoro_gym.execution.locking import locked

@@ -120,7 +120,7 @@ def test_a_policy_with_a_memory_learns_on_from_the_teacher(env, tmp_path):
     assert learned.memory is not None
     actions = len(learned.low)
     MemoryNetwork(learned.memory.sizes[0], asked["memory"], asked["net_arch"], actions, 0).take(learned)
-    with pytest.raises(ValueError, match="has a memory, which --algo dagger alone trains"):
+    with pytest.raises(ValueError, match="has a memory, which --algo dagger learns on from"):
         begin(replace(plan, algo="ppo", param=None, curriculum=None), tmp_path / "run")
     assert not (tmp_path / "run").exists()
 

@@ -130,7 +130,7 @@ def test_a_training_learns_on_from_a_policy(trainer, training, tmp_path):
 
 def test_a_policy_that_comes_with_the_package_is_started_from_by_its_name():
     from aoro_gym.agents.policies.files import SHIPPED, load_policy
-    from aoro_gym.agents.training.run_folder import first_policy
+    from aoro_gym.agents.training.recipe import first_policy
 
     found, wanted = first_policy(plan_of(start="turning-ppo")), load_policy(SHIPPED / "turning-ppo.json")
     for one, other in zip(found.weights, wanted.weights, strict=True):
