@@ -72,7 +72,8 @@ def test_what_is_written_can_be_read(diagnosed, tmp_path):
     found, _, told = diagnosed
     content = json.loads(found.save(tmp_path).read_text(encoding="utf-8"))
     assert content["verdict"] in VERDICTS
-    assert sum(cause["probability"] for cause in content["causes"]) == pytest.approx(1.0, abs=0.2)
+    shares = [cause["probability"] for cause in content["causes"]]
+    assert sum(shares) <= 1.0 + 1e-9 and shares[0] == max(shares) and min(shares) >= pipeline.LISTED
     assert content["causes"][0]["magnitudes"]["spool_lag"]["unit"] == "s"
     assert content["declared_set"][0] == "spool_lag"
     assert any("first finding: spool lag" in sentence for sentence, _ in told)

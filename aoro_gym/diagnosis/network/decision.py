@@ -3,12 +3,16 @@
 Networks are trained on simulated machines; how sure they are elsewhere is learnt from cases whose truth is known
 (:func:`calibrated`), for each usual set of sensors:
 
-- a temperature T: probabilities are raised to 1/T, which makes them as likely as can be (Guo et al. 2017);
+- a temperature T (Guo et al. 2017): probabilities are raised to 1/T; and offsets of the logarithms of nothing, of something
+  else and of pairs against single effects (bias-corrected temperature scaling, Alexandari et al. 2020): networks were
+  trained on another mixture of these, and take single effects for pairs on machines that they do not know. Together they
+  make the truth as likely as can be;
 - the null test: the share of healthy cases in which a statistic was no larger (a conformal p-value, Vovk 2005), one against
   causes of the catalogue and one against something else, each with a share of the false alarms (Bonferroni): what machines
   and days do that was never simulated looks like something else, and must not hide causes that are plain;
-- thresholds of "something else" and of an effect's probability, given that something of the catalogue is wrong, which as
-  many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019);
+- a threshold of "something else" against the likeliest known cause, and one of an effect's probability if a single effect
+  is there, which as many known causes pass as asked for (split conformal, least ambiguous sets, Sadinle et al. 2019);
+  effects that may well be there beside another are declared, too;
 - a widening of the intervals of sizes (conformalised quantiles, Romano et al. 2019, in the scaled form).
 """
 
@@ -22,6 +26,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.optimize import minimize
 
 from aoro_gym.diagnosis.network import hypotheses
 from aoro_gym.diagnosis.network.forward import TRAINED
@@ -38,13 +43,16 @@ SENSOR_SETS: Mapping[str, tuple[str, ...]] = {
 }
 """Channels of usual sets of sensors, the richest first."""
 ALARMS = 0.015
-"""Share of healthy cases that are taken for a gap, of the families that calibrate; of others it was 1.5 to 2.0 %."""
+"""Share of healthy cases that are taken for a gap, of the families that calibrate; of others it was 1.2 to 1.8 %."""
 SUSPECTED = 0.2
 """Share of healthy cases of which a gap is not ruled out: what it may be is declared, without a gap being said."""
 REJECTED = 0.02
 """Share of known causes that are taken for something outside of the catalogue."""
-HELD = 0.97
-"""Share of single causes with a gap said that their declared set holds."""
+HELD = 0.975
+"""Share of single causes with a gap said that their declared set holds, of the families that calibrate; of others
+it was 96.9 to 97.2 %."""
+PRESENT = 0.1
+"""Probability from which an effect is declared, alone or beside another, given that something of the catalogue is wrong."""
 INTERVAL = 0.9
 """Share of true sizes that their intervals hold."""
 SURE = 0.8
@@ -53,8 +61,14 @@ LEAST = 1e-4
 """Probability below which a hypothesis is not kept."""
 TEMPERATURES = np.geomspace(0.5, 4.0, 61)
 """That are tried."""
+OFFSETS = 3.0
+"""Standard deviation of offsets before anything is learnt (natural logarithm): keeps them finite where there is no case."""
 HEALTHY_QUANTILES = 400
 """By which the null distribution is kept."""
+SINGLE_GROUP = 2
+"""Number of the group of single effects."""
+GROUPS = np.repeat([0, 1, SINGLE_GROUP, 3], [1, 1, hypotheses.PAIR - hypotheses.SINGLE, len(hypotheses.PAIRS)])
+"""Group of each hypothesis (hypotheses,): nothing, something else, single effects, pairs."""
 STATISTICS: Mapping[str, Callable[[Floats, Floats], Floats]] = {
     "nothing": lambda nothing, outside: nothing,
     "known": lambda nothing, outside: nothing / np.maximum(1.0 - outside, 1e-30),
@@ -85,6 +99,25 @@ class NullStatistic:
 
 
 @dataclass(frozen=True)
+class Offsets:
+    """Added to the natural logarithms of probabilities, those of single effects being left as they are.
+
+    Attributes:
+        nothing: To that of nothing.
+        outside: To that of something else.
+        pair: To that of each pair.
+    """
+
+    nothing: float
+    outside: float
+    pair: float
+
+    def each(self) -> Floats:
+        """Of every hypothesis (hypotheses,)."""
+        return np.array([self.nothing, self.outside, 0.0, self.pair])[GROUPS]
+
+
+@dataclass(frozen=True)
 class Calibration:
     """What was learnt from cases with a known truth; see the module.
 
@@ -92,9 +125,13 @@ class Calibration:
         cases: Number of them.
         temperature: T.
         null: Statistics of the null test.
-        outside: Least probability of something else, given that something is wrong, from which that is said.
-        member: Least probability of an effect, given that something of the catalogue is wrong, in the declared set.
+        outside: Least probability of something else from which that is said: as networks say, given that it is that or the
+            likeliest known cause. Without offsets: at temperature T, given that something is wrong.
+        member: Least probability of an effect in the declared set, given that a single effect is there. Without offsets: of
+            its being there, given that something of the catalogue is wrong.
         widening: Factor on the distances of a size's quantiles from their median, so that its 90 % interval holds as often.
+        offsets: Of the logarithms at temperature T; None where networks are asked about what they were trained on, whose
+            probabilities are right as they are.
     """
 
     cases: int
@@ -103,6 +140,7 @@ class Calibration:
     outside: float
     member: float
     widening: float = 1.0
+    offsets: Offsets | None = None
 
     def null_p(self, nothing: Floats | float, outside: Floats | float) -> Floats:
         """Probability (...) of a gap as clear as this while nothing is wrong, from the probabilities (...) of nothing and of
@@ -112,9 +150,10 @@ class Calibration:
 
     @classmethod
     def from_dict(cls, told: Mapping[str, Any]) -> Calibration:
-        """Of what :func:`as_dict` wrote."""
+        """Of what :func:`as_dict` wrote; a file that tells no offsets has none."""
         null = tuple(NullStatistic(one["name"], one["share"], tuple(one["healthy"])) for one in told["null"])
-        return cls(**{**told, "null": null})
+        offsets = told.get("offsets")
+        return cls(**{**told, "null": null, "offsets": None if offsets is None else Offsets(**offsets)})
 
 
 @dataclass(frozen=True)
@@ -153,26 +192,29 @@ def calibrations_of(path: Path) -> Mapping[str, Calibration]:
     return {name: Calibration.from_dict(of) for name, of in read_json(path)["sets"].items()}
 
 
-def tempered(probabilities: Floats, temperature: float) -> Floats:
-    """Probabilities (..., hypotheses) at another temperature."""
+def tempered(probabilities: Floats, temperature: float, offsets: Offsets | None = None) -> Floats:
+    """Probabilities (..., hypotheses) at another temperature, with ``offsets`` of their logarithms."""
     logs = np.log(np.maximum(probabilities, 1e-30)) / temperature
+    if offsets is not None:
+        logs = logs + offsets.each()
     powers = np.exp(logs - logs.max(axis=-1, keepdims=True))
     return powers / powers.sum(axis=-1, keepdims=True)
 
 
 def decide(probabilities: Floats, calibration: Calibration) -> Decision:
     """The verdict on a case whose hypotheses have these ``probabilities`` (hypotheses,), as networks say."""
-    share = tempered(np.asarray(probabilities, dtype=np.float64), calibration.temperature)
+    probabilities = np.asarray(probabilities, dtype=np.float64)
+    share = tempered(probabilities, calibration.temperature, calibration.offsets)
     nothing, outside = share[hypotheses.NOTHING], share[hypotheses.OUTSIDE]
     null_p = float(calibration.null_p(nothing, outside))
     effects = share @ hypotheses.MEMBERS
     best = hypotheses.SINGLE + int(np.argmax(share[hypotheses.SINGLE :]))
     declared: tuple[str, ...] = ()
     if null_p <= SUSPECTED:
-        declared = _declared(effects, best, max(1.0 - nothing - outside, 1e-30), calibration.member)
+        declared = _declared(share, best, calibration)
     if null_p > ALARMS:
         verdict, first = "no_gap", hypotheses.NOTHING
-    elif outside >= calibration.outside * (1.0 - nothing):
+    elif _outside(probabilities, share, calibration.offsets) >= calibration.outside:
         verdict, first = "unknown", hypotheses.OUTSIDE
     else:
         named = hypotheses.names_of(best)
@@ -183,11 +225,39 @@ def decide(probabilities: Floats, calibration: Calibration) -> Decision:
     return Decision(verdict, null_p, ranked, effects, declared)
 
 
-def _declared(effects: Floats, best: int, known: float, member: float) -> tuple[str, ...]:
-    """Effects of the best hypothesis, and all that are likely enough, the likeliest first."""
-    chosen = effects / known >= member
+def _declared(share: Floats, best: int, calibration: Calibration) -> tuple[str, ...]:
+    """Effects of the best hypothesis, and all that are likely enough, the likeliest first, of ``share`` (hypotheses,)."""
+    effects = share @ hypotheses.MEMBERS
+    chosen = _member(share, calibration.offsets) >= calibration.member
     chosen |= hypotheses.MEMBERS[best] > 0.0
+    if calibration.offsets is not None:
+        chosen |= _member(share, None) >= PRESENT
     return tuple(IDS[k] for k in np.argsort(-effects, kind="stable") if chosen[k])
+
+
+def _outside(probabilities: Floats, share: Floats, offsets: Offsets | None) -> Floats:
+    """Probability (...) of something else that a calibration's threshold is of.
+
+    With offsets it is of what networks say before them: on families left out that tells something else more often.
+
+    Args:
+        probabilities: Of the hypotheses (..., hypotheses), as networks say.
+        share: The same, calibrated.
+        offsets: Of the calibration.
+    """
+    if offsets is None:
+        return share[..., hypotheses.OUTSIDE] / np.maximum(1.0 - share[..., hypotheses.NOTHING], 1e-30)
+    outside, known = probabilities[..., hypotheses.OUTSIDE], probabilities[..., hypotheses.SINGLE :].max(axis=-1)
+    return outside / np.maximum(outside + known, 1e-30)
+
+
+def _member(share: Floats, offsets: Offsets | None) -> Floats:
+    """Probability (..., effects) of effects that a calibration's threshold is of, from calibrated ones (..., hypotheses)."""
+    if offsets is None:
+        known = 1.0 - share[..., hypotheses.NOTHING] - share[..., hypotheses.OUTSIDE]
+        return (share @ hypotheses.MEMBERS) / np.maximum(known, 1e-30)[..., None]
+    single = share[..., hypotheses.SINGLE : hypotheses.PAIR]
+    return single / np.maximum(single.sum(axis=-1, keepdims=True), 1e-30)
 
 
 def _effects_of(number: int) -> tuple[str, ...]:
@@ -199,6 +269,7 @@ def calibrated(
     truth: NDArray[np.integer],
     weights: Floats | None = None,
     statistics: Mapping[str, float] = SPLIT,
+    offset: bool = True,
 ) -> Calibration:
     """What cases with a known truth say of networks.
 
@@ -208,14 +279,18 @@ def calibrated(
             nothing is taken for something else, and every effect may be the cause.
         weights: Of the cases (N,), equal by default.
         statistics: Of the null test, and the share of false alarms of each.
+        offset: Whether offsets are learnt, with what belongs to them.
 
     Raises:
         ValueError: something is wrong in every case.
     """
     weights = np.ones(len(truth)) if weights is None else weights
     logs = np.log(np.maximum(probabilities, 1e-30))
-    temperature = float(TEMPERATURES[np.argmin([_loss(logs / t, truth, weights) for t in TEMPERATURES])])
-    share = tempered(probabilities, temperature)
+    fit = _offsets if offset else _none
+    fitted = [fit(logs / t, truth, weights) for t in TEMPERATURES]
+    likeliest = int(np.argmin([loss for loss, _ in fitted]))
+    temperature, offsets = float(TEMPERATURES[likeliest]), fitted[likeliest][1]
+    share = tempered(probabilities, temperature, offsets)
     nothing, outside = share[:, hypotheses.NOTHING], share[:, hypotheses.OUTSIDE]
     healthy = truth == hypotheses.NOTHING
     if not healthy.any():
@@ -229,13 +304,12 @@ def calibrated(
         )
         for name, part in statistics.items()
     )
-    calibration = Calibration(len(truth), temperature, null, 0.0, 0.0)
+    calibration = Calibration(len(truth), temperature, null, 0.0, 0.0, offsets=offsets)
     alarmed = calibration.null_p(nothing, outside) <= ALARMS
     known = alarmed & (truth >= hypotheses.SINGLE)
-    told = outside / np.maximum(1.0 - nothing, 1e-30)
+    told = _outside(probabilities, share, offsets)
     single = known & (truth < hypotheses.PAIR)
-    within = (share @ hypotheses.MEMBERS) / np.maximum(1.0 - nothing - outside, 1e-30)[:, None]
-    of_truth = within[single, truth[single] - hypotheses.SINGLE]
+    of_truth = _member(share, offsets)[single, truth[single] - hypotheses.SINGLE]
     return replace(
         calibration,
         outside=float(_quantile(told[known], 1.0 - REJECTED, weights[known])) if known.any() else 1.0,
@@ -257,11 +331,40 @@ def widening_of(quantiles: Floats, sizes: Floats, weights: Floats) -> float:
     return max(float(_quantile(needed, INTERVAL, weights)), 1.0)
 
 
-def _loss(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> float:
-    """Weighted mean −ln of the truth's probability."""
+def _none(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, None]:
+    """Weighted mean −ln of the truth's probability without offsets."""
+    return float(np.average(_total(logs) - logs[np.arange(len(truth)), truth], weights=weights)), None
+
+
+def _total(logs: Floats) -> Floats:
+    """ln of the sum of exponentials (N,) of ``logs`` (N, n)."""
     top = logs.max(axis=1)
-    norm = top + np.log(np.exp(logs - top[:, None]).sum(axis=1))
-    return float(np.average(norm - logs[np.arange(len(truth)), truth], weights=weights))
+    return top + np.log(np.exp(logs - top[:, None]).sum(axis=1))
+
+
+def _offsets(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, Offsets]:
+    """Weighted mean −ln of the truth's probability with the likeliest offsets of ``logs`` (N, hypotheses), and these."""
+    groups = np.stack([_total(logs[:, number == GROUPS]) for number in range(4)], axis=1)
+    cases, own, share = np.arange(len(truth)), GROUPS[truth], weights / weights.sum()
+    found = minimize(_group_loss, np.zeros(3), args=(groups, own, share), jac=True, method="BFGS")
+    within = share @ (groups[cases, own] - logs[cases, truth])
+    return float(found.fun + within), Offsets(*(float(one) for one in found.x))
+
+
+def _group_loss(free: Floats, groups: Floats, own: NDArray[np.integer], share: Floats) -> tuple[float, Floats]:
+    """Weighted mean −ln of the probability of the truth's group, with what is known of offsets before; its gradient (3,).
+
+    Args:
+        free: Offsets (3,) of nothing, of something else and of pairs.
+        groups: ln of the groups' sums (N, 4).
+        own: The truth's group (N,).
+        share: Of the weight that is each case's (N,).
+    """
+    moved = groups + np.insert(free, SINGLE_GROUP, 0.0)
+    total, prior = _total(moved), 1.0 / (len(own) * OFFSETS**2)
+    value = share @ (total - moved[np.arange(len(own)), own]) + 0.5 * prior * (free @ free)
+    excess = share @ np.exp(moved - total[:, None]) - np.bincount(own, share, minlength=4)
+    return float(value), np.delete(excess, SINGLE_GROUP) + prior * free
 
 
 def _quantile(values: Floats, levels: float | Floats, weights: Floats) -> Floats:

@@ -122,7 +122,7 @@ def _halves(data: Tables) -> tuple[torch.Tensor, torch.Tensor]:
 
 def _calibrated(networks: list[TablesNetwork], data: Tables, machines: torch.Tensor, day_one: bool) -> Any:
     said = _answers(networks, data, machines, day_one, seed=1)
-    return calibrated(said.probabilities.astype("float64"), said.truth, statistics={"nothing": 1.0})
+    return calibrated(said.probabilities.astype("float64"), said.truth, statistics={"nothing": 1.0}, offset=False)
 
 
 def _answers(

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -10,10 +13,12 @@ from aoro_gym.diagnosis.network.cases import Posterior
 from aoro_gym.diagnosis.network.decision import (
     ALARMS,
     HELD,
+    PRESENT,
     SENSOR_SETS,
     SPLIT,
     Calibration,
     NullStatistic,
+    Offsets,
     as_dict,
     calibrated,
     decide,
@@ -89,8 +94,59 @@ def test_two_statistics_share_the_false_alarms():
     np.testing.assert_allclose(both.null_p(np.array([0.1, 1.0]), np.array([0.9, 0.0])), [1 / 50, 1.0])
 
 
-def test_a_calibration_is_read_as_it_was_written():
-    assert Calibration.from_dict(as_dict({"all": CALIBRATION})["all"]) == CALIBRATION
+OFFSET = replace(CALIBRATION, offsets=Offsets(0.0, 0.0, -1.0))
+"""A pair counts e times less than networks say."""
+
+
+@pytest.mark.parametrize("calibration", [CALIBRATION, OFFSET])
+def test_a_calibration_is_read_as_it_was_written(calibration):
+    assert Calibration.from_dict(json.loads(json.dumps(as_dict({"all": calibration})["all"]))) == calibration
+
+
+def test_a_file_that_tells_no_offsets_has_none():
+    told = as_dict({"all": CALIBRATION})["all"]
+    told.pop("offsets")
+    assert Calibration.from_dict(told) == CALIBRATION and CALIBRATION.offsets is None
+
+
+def test_offsets_move_groups_of_hypotheses_against_each_other():
+    """By hand: probabilities are multiplied by e^offset, then made to sum to one."""
+    share = said(nothing=0.2, outside=0.1, payload=0.3, payload__spool_lag=0.4)
+    found = tempered(share, 1.0, Offsets(np.log(2.0), np.log(3.0), np.log(0.5)))
+    pair = int(hypotheses.number_of(np.array([IDS.index("payload"), IDS.index("spool_lag")]), np.array(False)))
+    shown = found[[hypotheses.NOTHING, hypotheses.OUTSIDE, hypotheses.SINGLE + IDS.index("payload"), pair]]
+    np.testing.assert_allclose(shown, np.array([0.4, 0.3, 0.3, 0.2]) / 1.2, rtol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("shares", "first", "declared"),
+    [
+        # a second effect that networks add, and that is no likelier than one alone once pairs count less
+        ({"payload": 0.4, "payload__spool_lag": 0.55, "nothing": 0.05}, ("payload",), ("payload", "spool_lag")),
+        (
+            {"payload": 0.1, "payload__spool_lag": 0.85, "nothing": 0.05},
+            ("payload", "spool_lag"),
+            ("payload", "spool_lag"),
+        ),
+        # beside another with less than PRESENT: e⁻¹ · 0.1/(0.85 + e⁻¹ · 0.1) = 0.04
+        ({"payload": 0.85, "payload__spool_lag": 0.1, "nothing": 0.05}, ("payload",), ("payload",)),
+        # alone: 0.1/(0.85 + 0.1) = 0.105 is no less than the threshold of 0.1
+        ({"payload": 0.85, "spool_lag": 0.1, "nothing": 0.05}, ("payload",), ("payload", "spool_lag")),
+    ],
+)
+def test_sets_with_offsets_hold_what_may_be_alone_or_beside(shares, first, declared):
+    assert PRESENT == 0.1
+    found = decide(said(**shares), OFFSET)
+    assert set(found.hypotheses[0][0]) == set(first) and set(found.declared) == set(declared)
+
+
+@pytest.mark.parametrize(("outside", "verdict"), [(0.49, "cause"), (0.51, "unknown")])
+def test_something_else_with_offsets_is_weighed_against_the_likeliest_known_cause(outside, verdict):
+    """Threshold one half: whichever of the two networks find likelier, whatever the offsets say."""
+    share = np.zeros(hypotheses.HYPOTHESES)
+    share[[hypotheses.OUTSIDE, hypotheses.SINGLE]] = outside, 1.0 - outside
+    calibration = replace(OFFSET, offsets=Offsets(0.0, -3.0, 0.0))
+    assert decide(share, calibration).verdict == verdict
 
 
 def test_odd_healthy_cases_do_not_hide_known_causes():
@@ -107,7 +163,8 @@ def test_odd_healthy_cases_do_not_hide_known_causes():
     truth = np.repeat([hypotheses.NOTHING, hypotheses.SINGLE], count)
     noticed = {}
     for name, statistics in (("one", {"nothing": 1.0}), ("two", SPLIT)):
-        calibration = calibrated(share, truth, statistics=statistics)
+        # without offsets, which would learn that here nothing but healthy cases looks like something else
+        calibration = calibrated(share, truth, statistics=statistics, offset=False)
         said_now = tempered(share, calibration.temperature)
         p = calibration.null_p(said_now[:, hypotheses.NOTHING], said_now[:, hypotheses.OUTSIDE])
         assert np.mean(p[:count] <= ALARMS) <= ALARMS
@@ -152,6 +209,42 @@ def test_calibration_finds_how_sure_networks_are_and_keeps_its_promises():
     assert np.mean(held) > HELD - 4.0 * np.sqrt(2.0 * HELD * (1.0 - HELD) / single.sum())
 
 
+def test_calibration_finds_what_networks_were_trained_on_too_much_of():
+    """Networks that find pairs e² times and nothing e⁻¹ times as likely as they are, and are too sure: offsets undo both."""
+    sharp = 1.5
+    moved = np.select([np.arange(hypotheses.HYPOTHESES) >= hypotheses.PAIR], [2.0], 0.0)
+    moved[hypotheses.NOTHING] = -1.0
+
+    def told(seed: int) -> tuple[np.ndarray, np.ndarray]:
+        share, truth = world(3000, seed, 1.0)
+        logs = sharp * (np.log(share) + moved)
+        powers = np.exp(logs - logs.max(axis=1, keepdims=True))
+        return powers / powers.sum(axis=1, keepdims=True), truth
+
+    share, truth = told(0)
+    found = calibrated(share, truth)
+    plain = calibrated(share, truth, offset=False)
+    assert found.offsets is not None and plain.offsets is None
+    assert found.temperature == pytest.approx(sharp, rel=0.12)
+    # ln of a ratio of counts scatters by √(1/a + 1/b): twice that, as the temperature is fitted, too
+    counts = [
+        np.sum(truth == hypotheses.NOTHING),
+        np.sum(truth == hypotheses.OUTSIDE),
+        np.sum(truth >= hypotheses.PAIR),
+    ]
+    single = len(truth) - sum(counts)
+    for offset, right, count in zip(
+        (found.offsets.nothing, found.offsets.outside, found.offsets.pair), (1.0, 0.0, -2.0), counts, strict=True
+    ):
+        assert offset == pytest.approx(right, abs=4.0 * 2.0 * np.sqrt(1.0 / count + 1.0 / single))
+    other, true = told(1)
+    likelier = {}
+    for name, one in (("offset", found), ("plain", plain)):
+        said_now = tempered(other, one.temperature, one.offsets)
+        likelier[name] = float(np.mean(np.log(said_now[np.arange(len(true)), true])))
+    assert likelier["offset"] > likelier["plain"]
+
+
 def test_widened_intervals_hold_nine_of_ten_sizes():
     """Of a normal distribution intervals that are half as wide as they should be are doubled; none is made narrower."""
     rng = np.random.default_rng(7)
@@ -188,6 +281,8 @@ def test_networks_come_with_their_calibration():
         assert sum(part.share for part in one.null) == pytest.approx(1.0)
         assert all(np.all(np.diff(part.healthy) >= 0.0) for part in one.null)
         assert 0.0 < one.outside < 1.0 and 0.0 < one.member < 0.5
+        # on families left out networks add effects that are not there
+        assert one.offsets is not None and one.offsets.pair < 0.0
 
 
 def test_cases_that_all_have_a_cause_calibrate_nothing():
