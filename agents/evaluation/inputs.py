@@ -10,10 +10,15 @@ from collections.abc import Sequence
 from dataclasses import fields
 from typing import Any
 
+import numpy as np
+
 from aoro_gym.agents.policies.policy import LearnedPolicy
 from aoro_gym.envs.path_tracking.courses import Course
 from aoro_gym.machine import Machine
 from aoro_gym.terrains.soil import Soil
+
+MICROMETRE_DECIMALS = 6
+"""To which metres are rounded."""
 
 
 def machine_values(machine: Machine) -> dict[str, Any]:
@@ -63,5 +68,13 @@ def _ground(course: Any) -> dict[str, Any]:
 
 def _unnamed(part: Any) -> dict[str, Any]:
     """A terrain or a path by its kind and its fields, but for its name."""
-    found = {one.name: getattr(part, one.name) for one in fields(part) if one.name != "name"}
+    found = {one.name: _to_micrometres(getattr(part, one.name)) for one in fields(part) if one.name != "name"}
     return {"kind": type(part).__name__} | found
+
+
+def _to_micrometres(value: Any) -> Any:
+    """An array [m] by its micrometres, anything else as it is: of a ground that is made from a seed, what lies below is the
+    rounding of the computer that made it."""
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        return np.round(value, MICROMETRE_DECIMALS) + 0.0  # no -0.0
+    return value
