@@ -188,8 +188,10 @@ class LearnedPolicy:
         left_out = [name for name in layout if self.layout and name not in self.layout and name in FURTHER]
         known = {name: span for name, span in layout.items() if name not in left_out}
         if self.layout and known != dict(self.layout):
+            lacking = {name: True for name in self.layout if name not in layout and name in FURTHER}
             raise ValueError(
                 f"the policy has learned from {_listed(self.layout)}, but the environment observes {_listed(layout)}"
+                + (f"; make it with observation_terms={lacking}" if lacking else "")
             )
         beside = sum(layout[name].stop - layout[name].start for name in left_out)
         for what, mine, further, space in (

@@ -10,7 +10,7 @@ import gymnasium
 import numpy as np
 import pytest
 
-from aoro_gym.agents.evaluation.evaluate import evaluate, policy_factory
+from aoro_gym.agents.evaluation.evaluate import evaluate, observing, policy_factory
 from aoro_gym.agents.policies.files import SHIPPED, load_policy
 from aoro_gym.agents.policies.onnx_file import write_onnx
 from aoro_gym.agents.policies.policy import LearnedPolicy, Normalisation
@@ -313,9 +313,10 @@ def test_shipped_policies_go_by_their_name(tmp_path, monkeypatch):
 def test_every_shipped_policy_acts_in_its_environment(file):
     policy = LearnedPolicy.load(file)
     localisation = policy.training.get("localisation")
-    env = gymnasium.make_vec(
-        policy.environment, num_envs=2, **({} if localisation is None else {"localisation": localisation})
+    made_with = ({} if localisation is None else {"localisation": localisation}) | observing(
+        {file.stem: policy.made_for}
     )
+    env = gymnasium.make_vec(policy.environment, num_envs=2, **made_with)
     observations, _ = env.reset(seed=0)
     assert env.action_space.contains(policy.made_for(env)(observations))
     assert {"command", "seed", "revision"} <= set(policy.training)

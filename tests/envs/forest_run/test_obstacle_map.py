@@ -165,7 +165,8 @@ def test_an_evaluation_asks_for_what_a_policy_has_learned_from():
     asked = observing({"forest-dagger": policy.made_for, "wide": wide.made_for})
     assert asked == {"observation_terms": {"obstacle_map": True}}
     assert wide.made_for(env) is wide
-    with pytest.raises(ValueError, match="but the environment observes"):
+    wanted = r"but the environment observes .*; make it with observation_terms=\{'obstacle_map': True\}"
+    with pytest.raises(ValueError, match=wanted):
         wide.made_for(ForestRunVectorEnv(N, courses=[course()]))
 
 
