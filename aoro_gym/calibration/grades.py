@@ -68,7 +68,7 @@ def graded(figure: str, repeats: ArrayLike, twin: float, *, turn_time: float) ->
     Args:
         figure: One of :data:`~aoro_gym.simulation.key_figures.FIGURES`.
         repeats: Values of the machine's turns (n,), NaN where a turn has none.
-        twin: Value of the twin's turn, NaN where it has none, which is missed.
+        twin: Value of the twin's turn, as noisy as theirs in the mean, NaN where it has none, which is missed.
         turn_time: Mean time [s] of these turns.
     """
     values = np.asarray(repeats, dtype=np.float64)

@@ -50,6 +50,8 @@ class MeasuredTurn:
     """Mean flow [L/min]."""
     figures: Mapping[str, float]
     """All key figures, NaN where there is none."""
+    rest: NDArray[np.float64]
+    """Joint angle [rad] at standstill before it (F,), 100 samples a second."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +72,7 @@ class MeasuredDrive:
 
     log: str
     pressure: float
-    """Difference between the drive's lines [bar], mean over the last :data:`STEADY_DRIVE`."""
+    """Difference between the drive's lines [bar], mean over the last :data:`STEADY_DRIVE`, less that at rest before it."""
 
 
 @dataclass(frozen=True)
@@ -123,7 +125,7 @@ def _turn(log: Log, machine: Machine, signal: float) -> MeasuredTurn:
     if not np.isfinite(time):
         raise ValueError(f"{log.path} does not rest for half a second before its turn; record it again")
     turn = Turn("left" if sign > 0 else "right", 100.0 * abs(signal))
-    return MeasuredTurn(log.path.name, turn, time, flow, figures)
+    return MeasuredTurn(log.path.name, turn, time, flow, figures, angle[: log.rest])
 
 
 def _ramp(log: Log, steering: NDArray[np.float64]) -> MeasuredRamp:
@@ -159,7 +161,8 @@ def _ramp(log: Log, steering: NDArray[np.float64]) -> MeasuredRamp:
 
 
 def _drive(log: Log) -> MeasuredDrive:
-    """Pressure that a straight drive takes."""
+    """Pressure that a straight drive takes. Both lines hold the charge's pressure at rest, so what their sensors differ by
+    there is a zero error."""
     missing = [n for n in ("drive_pressure_forward", "drive_pressure_return") if n not in log.channels]
     if missing or not np.any(log.commands.get("drive_signal", 0.0)):
         raise ValueError(
@@ -170,4 +173,5 @@ def _drive(log: Log) -> MeasuredDrive:
     driving = np.flatnonzero(log.commands["drive_signal"])
     end = int(driving[-1]) + 2
     difference = log.channels["drive_pressure_forward"] - log.channels["drive_pressure_return"]
-    return MeasuredDrive(log.path.name, abs(float(np.mean(difference[max(end - last, 0) : end]))) / BAR)
+    needed = np.mean(difference[max(end - last, 0) : end]) - np.mean(difference[: log.rest])
+    return MeasuredDrive(log.path.name, abs(float(needed)) / BAR)

@@ -99,7 +99,7 @@ def _grades(grades: Sequence[dict[str, Any]]) -> Comparison:
             f"{one['run_to_run']:.2g}", f"{one['bound']:.2g}", "-" if one["twin"] is None else f"{one['twin']:.4g}",
             Text(one["grade"], colours[one["grade"]]),
         ])  # fmt: skip
-    head = ("turn", "figure", "machine, mean", "run to run, ±", "bound, ±", "twin", "")
+    head = ("turn", "figure", "machine, mean", "run to run, ±", "bound, ±", "twin, mean", "")
     return Comparison("Key figures beside those of repeated turns", head, rows, lead=2)
 
 

@@ -100,6 +100,18 @@ def test_what_is_no_turn_ramp_or_drive_is_refused(machine, tmp_path):
         read_measured(machine, [both])
 
 
+def test_a_zero_error_of_a_drives_sensor_is_taken_off(machine, tmp_path):
+    write(tmp_path / "drive.csv", machine, 0.0, [(0.0, 0.6), (0.3, 2.0)], command="drive_signal")
+    lines = (tmp_path / "drive.csv").read_text().splitlines()
+    at = lines[0].split(",").index("drive_pressure_forward_bar")
+    cells = [line.split(",") for line in lines[1:]]
+    wrong = [",".join([*row[:at], f"{float(row[at]) + 0.8:.7g}", *row[at + 1 :]]) for row in cells]
+    (tmp_path / "wrong.csv").write_text("\n".join([lines[0], *wrong, ""]))
+    right, other = read_measured(machine, [tmp_path / "drive.csv", tmp_path / "wrong.csv"]).drives
+    assert right.pressure > 5.0
+    assert other.pressure == pytest.approx(right.pressure, abs=1e-5)
+
+
 def test_a_curve_needs_three_levels_and_a_drive_its_speed(machine, tmp_path):
     with pytest.raises(
         ValueError, match="full turns to the left are at 100 % signal, but an opening curve needs 3 levels"
