@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -142,22 +142,25 @@ def bounds(results: Results) -> str:
 
 
 def of_the_twin(results: Results) -> str:
-    """Figures of the published twin beside those of the machines that were calibrated to them."""
-    names = ("aoro", "aoro_least_squares", "aoro_published_inputs")
-    found = {name: turned(results["members"][name]) for name in names}
+    """Every figure of the published twin, and all members' values."""
+    found = {f"`{name}`": turned(member) for name, member in results["members"].items()}
+    near: dict[str, list[bool]] = {name: [] for name in found}
     rows = []
     for turn in (turn for turn in TURNS if turn.direction == "left"):
-        rows.append([f"{turn.signal_percent:g} %, published twin", *figures(known()["mevea", turn])])
-        rows += [[f"{turn.signal_percent:g} %, `{name}`", *figures(found[name][turn])] for name in names]
-    return table(["left turn", *(" ".join(part for part in describe(name)[:1]) for name in FIGURES)], rows)
-
-
-def figures(row: Row) -> Iterator[str]:
-    """Key figures of a turn at the resolution that they are published at."""
-    for name in FIGURES:
-        value = row[name]
-        assert isinstance(value, float)
-        yield f"{value:.2f} s" if name.endswith("_s") else f"{value:.1f}"
+        for figure in FIGURES:
+            wanted = known()["mevea", turn][figure]
+            assert isinstance(wanted, float)
+            name, unit, _ = describe(figure)
+            digits, cells = 2 if figure.endswith("_s") else 1, []
+            for source, own in found.items():
+                value = own[turn][figure]
+                near[source].append(miss_of(figure, turn, value, wanted).in_bounds <= 1.0)
+                text = "-" if value is None else f"{value:.{digits}f}"
+                cells.append(text if near[source][-1] else f"**{text}**")
+            what = f"left {turn.signal_percent:g} %, {name}"
+            rows.append([what, f"{wanted:.{digits}f} {unit}", *cells])
+    rows.append(["within the bounds", "", *(f"{sum(marks)} of {len(marks)}" for marks in near.values())])
+    return table(["turn, figure", "published twin", *found], rows)
 
 
 def shape(results: Results) -> str:

@@ -10,7 +10,7 @@ from aoro_gym.machine import Machine
 from aoro_gym.validation.turns import Turn
 from studies.validation.driving import MANOEUVRES, lifted
 from studies.validation.members import MEMBERS, against_theory, at_bounds, digests, machines
-from studies.validation.page import PAGE, PARTS, RESULTS, miss_of, of_the_machine, page, shown
+from studies.validation.page import PAGE, PARTS, RESULTS, miss_of, of_the_machine, of_the_twin, page, shown
 from studies.validation.tires import (
     STEEPEST,
     compared,
@@ -31,7 +31,7 @@ def results():
 
 def test_the_page_is_as_its_figures_make_it(results):
     assert PAGE.read_text(encoding="utf-8") == page(PAGE.read_text(encoding="utf-8"), results), (
-        "run `python -m studies.validation --page`"
+        "run `python -m studies.validation --parts`"
     )
 
 
@@ -59,9 +59,10 @@ def test_errors_by_hand(results):
     assert shown(miss_of("first_peak_L_per_min", turn, 99.2, 104.4)) == "-5.0 %"
     assert shown(miss_of("first_peak_time_s", turn, 0.13, 0.15)) == "-0.02 s"
     assert shown(miss_of("first_peak_time_s", turn, None, 0.15)) == "-"
-    last = of_the_machine(results).splitlines()[-1]
-    counts = [f"{one['met']['physical'][0]} of 25" for one in results["members"].values()]
-    assert [cell.strip() for cell in last.strip("|").split("|")][3:] == counts
+    for made, source, first in ((of_the_machine, "physical", 3), (of_the_twin, "mevea", 2)):
+        last = made(results).splitlines()[-1]
+        counts = [" of ".join(map(str, one["met"][source])) for one in results["members"].values()]
+        assert [cell.strip() for cell in last.strip("|").split("|")][first:] == counts
 
 
 def test_counts_that_other_pages_name(results):
