@@ -286,7 +286,7 @@ def calibrated(
     """
     weights = np.ones(len(truth)) if weights is None else weights
     logs = np.log(np.maximum(probabilities, 1e-30))
-    fit = _offsets if offset else _none
+    fit = _with_offsets if offset else _without_offsets
     fitted = [fit(logs / t, truth, weights) for t in TEMPERATURES]
     likeliest = int(np.argmin([loss for loss, _ in fitted]))
     temperature, offsets = float(TEMPERATURES[likeliest]), fitted[likeliest][1]
@@ -331,20 +331,15 @@ def widening_of(quantiles: Floats, sizes: Floats, weights: Floats) -> float:
     return max(float(_quantile(needed, INTERVAL, weights)), 1.0)
 
 
-def _none(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, None]:
-    """Weighted mean −ln of the truth's probability without offsets."""
-    return float(np.average(_total(logs) - logs[np.arange(len(truth)), truth], weights=weights)), None
+def _without_offsets(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, None]:
+    """Weighted mean −ln of the truth's probability, of ``logs`` (N, hypotheses) as they are."""
+    own = logs[np.arange(len(truth)), truth]
+    return float(np.average(np.logaddexp.reduce(logs, axis=1) - own, weights=weights)), None
 
 
-def _total(logs: Floats) -> Floats:
-    """ln of the sum of exponentials (N,) of ``logs`` (N, n)."""
-    top = logs.max(axis=1)
-    return top + np.log(np.exp(logs - top[:, None]).sum(axis=1))
-
-
-def _offsets(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, Offsets]:
+def _with_offsets(logs: Floats, truth: NDArray[np.integer], weights: Floats) -> tuple[float, Offsets]:
     """Weighted mean −ln of the truth's probability with the likeliest offsets of ``logs`` (N, hypotheses), and these."""
-    groups = np.stack([_total(logs[:, number == GROUPS]) for number in range(4)], axis=1)
+    groups = np.stack([np.logaddexp.reduce(logs[:, number == GROUPS], axis=1) for number in range(4)], axis=1)
     cases, own, share = np.arange(len(truth)), GROUPS[truth], weights / weights.sum()
     found = minimize(_group_loss, np.zeros(3), args=(groups, own, share), jac=True, method="BFGS")
     within = share @ (groups[cases, own] - logs[cases, truth])
@@ -361,7 +356,7 @@ def _group_loss(free: Floats, groups: Floats, own: NDArray[np.integer], share: F
         share: Of the weight that is each case's (N,).
     """
     moved = groups + np.insert(free, SINGLE_GROUP, 0.0)
-    total, prior = _total(moved), 1.0 / (len(own) * OFFSETS**2)
+    total, prior = np.logaddexp.reduce(moved, axis=1), 1.0 / (len(own) * OFFSETS**2)
     value = share @ (total - moved[np.arange(len(own)), own]) + 0.5 * prior * (free @ free)
     excess = share @ np.exp(moved - total[:, None]) - np.bincount(own, share, minlength=4)
     return float(value), np.delete(excess, SINGLE_GROUP) + prior * free
